@@ -59,19 +59,15 @@ def has_no_pace(case: Case) -> Iterator[Diagnostic]:
             if cls is None or (cls.keeps_pace and not is_chain):
                 continue
             what = "a chain" if is_chain else f"`{part_of(vehicle, goal)}`"
+            paced = (f"`{s.name}`" for s in case.parts("behaviors") if s.cls.keeps_pace)
             yield Diagnostic(
                 "KYB531",
                 f"`{assignment.goal.text}` of `{assignment.vehicle}` can't keep a common pace",
                 assignment.goal.span,
                 label=f"{what} has no pace to adjust",
                 notes=(_said(phase, assignment),),
-                help=f"use {_paced(case)}, or write `arrive: in_turns`",
+                help=f"use {' or '.join(paced)}, or write `arrive: in_turns`",
             )
-
-
-def _paced(case: Case) -> str:
-    """Return the names of the behaviors that keep a common pace, as text."""
-    return " or ".join(f"`{spec.name}`" for spec in case.parts("behaviors") if spec.cls.keeps_pace)
 
 
 def never_passes_its_turn(case: Case) -> Iterator[Diagnostic]:

@@ -132,7 +132,9 @@ def left_at_once(case: Case) -> Iterator[Diagnostic]:
     warning)."""
     for vehicle, state in case.states():
         for transition in state.transitions:
-            if transition.after is None or not _is_at_once(transition):
+            after = transition.after
+            is_guarded = transition.when is not None or transition.event is not None
+            if after is None or after >= _AT_ONCE or is_guarded:
                 continue
             is_flown = any(leg.end is AIR for leg in state.behavior.cls.flight)
             if not is_flown or _is_told(case, vehicle, state, transition):
@@ -141,16 +143,10 @@ def left_at_once(case: Case) -> Iterator[Diagnostic]:
                 "KYB448",
                 f"`{transition.since or state.name}` is left before it has done anything",
                 transition.span,
-                label=f"after {seconds_of(transition.after or 0.0)}",
+                label=f"after {seconds_of(after)}",
                 help="wait longer, or remove this transition",
                 severity=Severity.WARNING,
             )
-
-
-def _is_at_once(transition: TransitionPlan) -> bool:
-    """Return whether a transition waits only for time, and for less than 0.1 s."""
-    is_alone = transition.when is None and transition.event is None
-    return is_alone and transition.after is not None and transition.after < _AT_ONCE
 
 
 def _is_told(
@@ -190,14 +186,20 @@ def beyond_the_time_limit(case: Case) -> Iterator[Diagnostic]:
     limit = case.plan.time_limit
     for vehicle in case.cached(_left_alone):
         way = _way_to_rest(case, vehicle, limit)
-        if way is not None and not _waits_longer(vehicle, way, limit):
-            yield _over(case, vehicle, way, limit)
-
-
-def _waits_longer(vehicle: VehiclePlan, way: Way, limit: float) -> bool:
-    """Return whether a single wait on the path exceeds the limit, which KYB259 reports."""
-    states = (vehicle.states[name] for name, _ in way.steps() if name in vehicle.states)
-    return any(max(t.after or 0.0, t.hold) >= limit for s in states for t in s.transitions)
+        if way is None:
+            continue
+        states = (vehicle.states[name] for name, _ in way.steps() if name in vehicle.states)
+        if any(max(t.after or 0.0, t.hold) >= limit for s in states for t in s.transitions):
+            continue  # KYB259 reports a single wait
+        yield Diagnostic(
+            "KYB432",
+            f"`{vehicle.name}` can't land within the mission's time limit",
+            _place(case, vehicle, way),
+            label=f"flies for at least {seconds_of(way.seconds)}",
+            notes=(sum_of(way), f"its `time_limit` is {seconds_of(limit)}"),
+            help="shorten the flight, or write a longer `time_limit`",
+            related=the_time_limit(case),
+        )
 
 
 def longer_than_its_patience(case: Case) -> Iterator[Diagnostic]:
@@ -230,12 +232,23 @@ def out_of_energy(case: Case) -> Iterator[Diagnostic]:
     taken to use at least as much as hovering for the same time.
     """
     for vehicle in case.cached(_left_alone):
-        reserve = _reserve(vehicle)
-        lasts = (1.0 - reserve) * vehicle.airframe.endurance
-        for way in () if no_way_exceeds(case, vehicle, lasts) else _flights(case, vehicle):
-            if exceeds(way.seconds, lasts):
-                yield _drained(case, vehicle, way, reserve)
-                break
+        reserve, endurance = _reserve(vehicle), vehicle.airframe.endurance
+        lasts = (1.0 - reserve) * endurance
+        flights = () if no_way_exceeds(case, vehicle, lasts) else _flights(case, vehicle)
+        way = next((way for way in flights if exceeds(way.seconds, lasts)), None)
+        if way is None:
+            continue
+        hovers = f"its airframe hovers for {seconds_of(endurance)}"
+        if reserve > 0.0:
+            hovers += f", and a supervisor lands it at {format_quantity(reserve, RATIO)}"
+        yield Diagnostic(
+            "KYB434",
+            f"the battery of `{vehicle.name}` doesn't last for this flight",
+            _place(case, vehicle, way),
+            label=f"in the air for at least {seconds_of(way.seconds)}",
+            notes=(sum_of(way), hovers),
+            help="shorten the flight, or land in between",
+        )
 
 
 def begins_empty(case: Case) -> Iterator[Diagnostic]:
@@ -260,22 +273,6 @@ def begins_empty(case: Case) -> Iterator[Diagnostic]:
 def _reserve(vehicle: VehiclePlan) -> float:
     """Return the battery charge at which a supervisor lands the vehicle, from 0 to 1."""
     return max((s.cls.reserve(s.params) for s in vehicle.supervisors), default=0.0)
-
-
-def _drained(case: Case, vehicle: VehiclePlan, way: Way, reserve: float) -> Diagnostic:
-    endurance = vehicle.airframe.endurance
-    name, lands = vehicle.name, f", and a supervisor lands it at {format_quantity(reserve, RATIO)}"
-    return Diagnostic(
-        "KYB434",
-        f"the battery of `{name}` doesn't last for this flight",
-        _place(case, vehicle, way),
-        label=f"in the air for at least {seconds_of(way.seconds)}",
-        notes=(
-            sum_of(way),
-            f"its airframe hovers for {seconds_of(endurance)}{lands if reserve > 0.0 else ''}",
-        ),
-        help="shorten the flight, or land in between",
-    )
 
 
 def _flights(case: Case, vehicle: VehiclePlan) -> Iterator[Way]:
@@ -342,7 +339,8 @@ def _way_to_rest(case: Case, vehicle: VehiclePlan, limit: float) -> Way | None:
     if no_way_exceeds(case, vehicle, limit):
         return None
     ways = ways_from(case, vehicle, [_first(vehicle)])
-    rests = [way for node, way in ways.items() if _rests(vehicle, node)]
+    going_on = {name for name, state in vehicle.states.items() if state.transitions}
+    rests = (w for n, w in ways.items() if n.flight is GROUND and n.state not in going_on)
     way = min(rests, key=lambda way: way.seconds, default=None)
     return way if way is not None and exceeds(way.seconds, limit) else None
 
@@ -370,23 +368,6 @@ def _expected_to_land(case: Case) -> Iterator[str]:
                 yield name
             case Finally(GroupInState("all", _, names, "landed")):
                 yield from names
-
-
-def _rests(vehicle: VehiclePlan, node: FlightNode) -> bool:
-    state = vehicle.states.get(node.state)
-    return node.flight is GROUND and (state is None or not state.transitions)
-
-
-def _over(case: Case, vehicle: VehiclePlan, way: Way, limit: float) -> Diagnostic:
-    return Diagnostic(
-        "KYB432",
-        f"`{vehicle.name}` can't land within the mission's time limit",
-        _place(case, vehicle, way),
-        label=f"flies for at least {seconds_of(way.seconds)}",
-        notes=(sum_of(way), f"its `time_limit` is {seconds_of(limit)}"),
-        help="shorten the flight, or write a longer `time_limit`",
-        related=the_time_limit(case),
-    )
 
 
 def _place(case: Case, vehicle: VehiclePlan, way: Way) -> Span:

@@ -260,14 +260,9 @@ def _ways(case: Case, callbacks: list[CallbackPlan], heard: list[str]) -> dict[i
         for action in callback.do:
             for said in _said(case, action):
                 listeners = hearing.get((said.vehicle, said.event), ())
-                found = [i for i in listeners if _passes(callbacks[i], said)]
+                found = [i for i in listeners if said.fields.items() >= set(callbacks[i].fields)]
                 ways.setdefault(index, []).extend(_Way(action, i) for i in found)
     return ways
-
-
-def _passes(callback: CallbackPlan, said: _Said) -> bool:
-    """Return whether the callback's filters are certain to let the event through."""
-    return all(said.fields.get(field) == value for field, value in callback.fields)
 
 
 def _said(case: Case, action: ActionKeys) -> Iterator[_Said]:

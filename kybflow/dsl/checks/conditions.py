@@ -217,11 +217,10 @@ def not_measured(case: Case) -> Iterator[Diagnostic]:
         if not is_blind and _STICKS not in typed.text.text:
             continue
         for node in nodes(typed.condition):
-            vehicle = case.plan.fleet.get(_subject(node, typed))
-            if vehicle is None or not isinstance(node, Read):
+            if not isinstance(node, Read):
                 continue
-            lacking = _lacking(case, vehicle, node.name)
-            if lacking:
+            vehicle = case.plan.fleet.get(node.vehicle or typed.own or "")
+            if vehicle is not None and (lacking := _lacking(case, vehicle, node.name)):
                 yield Diagnostic(
                     "KYB258",
                     f"`{node.name}` of `{vehicle.name}` is never known",
@@ -229,10 +228,6 @@ def not_measured(case: Case) -> Iterator[Diagnostic]:
                     label=lacking,
                     help="use another value, or give the vehicle what provides it",
                 )
-
-
-def _subject(node: object, typed: TypedCondition) -> str:
-    return (node.vehicle or typed.own or "") if isinstance(node, Read) else ""
 
 
 def _lacking(case: Case, vehicle: VehiclePlan, name: str) -> str:

@@ -125,7 +125,8 @@ def least_from(case: Case, state: StatePlan, entry: Vec3 | None) -> float:
     """Return the least seconds for one entry position. A landing counts as zero if there are
     obstacles, because it may end early on top of one."""
     footprint = state.footprint(entry)
-    if footprint is None or (case.plan.obstacles and _lands(state)):
+    lands = any(leg.end is GROUND and leg.start is not GROUND for leg in state.legs)
+    if footprint is None or (case.plan.obstacles and lands):
         return 0.0
     return footprint.least_time(entry)
 
@@ -139,10 +140,6 @@ def longest_time(vehicle: VehiclePlan, state: StatePlan) -> float:
         inf if found is None or found.longest is None else found.longest for found in footprints
     ]
     return max(ends, default=inf) + _BEGINS
-
-
-def _lands(state: StatePlan) -> bool:
-    return any(leg.end is GROUND and leg.start is not GROUND for leg in state.legs)
 
 
 def ways_from(
@@ -214,19 +211,15 @@ def _built_in_ahead(case: Case, node: FlightNode) -> Iterator[_Edge]:
 def _ahead(case: Case, vehicle: VehiclePlan) -> dict[FlightNode, list[_Edge]]:
     """Return the successors of each node of the vehicle's own states, with the least seconds until
     then. A vehicle with a fault may fail at once."""
-    if "ahead" not in vehicle.known:
-        vehicle.known["ahead"] = _followers(case, vehicle)
-    found: dict[FlightNode, list[_Edge]] = vehicle.known["ahead"]
-    return found
-
-
-def _followers(case: Case, vehicle: VehiclePlan) -> dict[FlightNode, list[_Edge]]:
+    found: dict[FlightNode, list[_Edge]] = vehicle.known.setdefault("ahead", {})
+    if found:
+        return found
     flights, endless = flight_graph(case, vehicle), endless_states(vehicle)
     is_broken = any(fault.vehicle == vehicle.name for fault in case.plan.faults)
-    found: dict[FlightNode, list[_Edge]] = {}
     for link in flights.links:
-        fails = is_broken and link.transition.cause == "failed"
-        if fails or _is_foreseen(link.transition, link.source.state in endless):
+        is_endless = link.source.state in endless  # and may be meant to fail
+        fails = link.transition.cause == "failed" and (is_broken or is_endless)
+        if fails or may_end(link.transition, is_endless):
             target = FlightNode(link.transition.target, link.flight)
             spent = _least_before(case, vehicle, link)
             found.setdefault(link.source, []).append((target, spent))
@@ -240,12 +233,6 @@ def _followers(case: Case, vehicle: VehiclePlan) -> dict[FlightNode, list[_Edge]
         ends = FlightNode(end_of(legs), legs[0].end if legs else GROUND)
         found.setdefault(node, []).append((ends, _least_end(case, vehicle, node)))
     return found
-
-
-def _is_foreseen(transition: TransitionPlan, is_endless: bool) -> bool:
-    """Return whether a normal flight may take the transition. A behavior without an end may be
-    meant to fail."""
-    return may_end(transition, is_endless) or (is_endless and transition.cause == "failed")
 
 
 def _least_before(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> float:

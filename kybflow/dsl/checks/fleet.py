@@ -102,6 +102,13 @@ class _Settled(NamedTuple):
         legs = (leg for name in self.seen & states.keys() for leg in states[name].legs)
         return self.seen <= states.keys() and not any(AIR in leg for leg in legs)
 
+    @property
+    def where(self) -> str:
+        name = self.vehicle.name
+        if self.state is None:
+            return f"`{name}` has ended by then"
+        return f"`{name}` waits in `{self.state.name}`"
+
 
 def wait_for_each_other(case: Case) -> Iterator[Diagnostic]:
     """KYB443: a behavior without an end is never left: each of its transitions waits for another
@@ -128,20 +135,13 @@ def wait_for_each_other(case: Case) -> Iterator[Diagnostic]:
             f"`{name}` waits in `{state.name}` forever",
             state.span,
             label=f"waits for {others}",
-            notes=tuple(_where(settled[other]) for other in sorted(_awaited(case, name, state))),
+            notes=tuple(settled[other].where for other in sorted(_awaited(case, name, state))),
             help="add a `next` with `after: 60 s`, or an event such as `operator.go`",
         )
 
 
 def _has_next(state: StatePlan) -> bool:
     return any(transition.cause == "next" for transition in state.transitions)
-
-
-def _where(other: _Settled) -> str:
-    name = other.vehicle.name
-    if other.state is None:
-        return f"`{name}` has ended by then"
-    return f"`{name}` waits in `{other.state.name}`"
 
 
 def _settled(vehicle: VehiclePlan) -> _Settled | None:

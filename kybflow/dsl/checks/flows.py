@@ -15,7 +15,7 @@ from kybflow.dsl.expressions import parse
 from kybflow.dsl.names.built_in import BUILT_IN
 from kybflow.dsl.names.option_names import unknown_vehicle
 from kybflow.dsl.plan import END, FlowPlan, PhasePlan, Plan, TransitionPlan, VehiclePlan
-from kybflow.dsl.reading.nodes import Node, Scalar, entries_of, is_null, items_of
+from kybflow.dsl.reading.nodes import Scalar, entries_of, is_null, items_of
 
 
 def flow_names(case: Case) -> Iterator[Diagnostic]:
@@ -274,15 +274,10 @@ def goals_of(phase: PhasePlan, key: Asked) -> Iterator[tuple[Text, Text]]:
     """Yield (vehicle or group, state or flow) for each entry of `run` or `give`."""
     for who, goal in phase.pairs(key):
         if not is_null(goal):
-            yield who, _name(goal)
-
-
-def _name(goal: Node) -> Text:
-    """Return the name of a goal, which may be followed by values."""
-    keys = [entry.key for entry in entries_of(goal).values()]
-    name = keys[0] if keys else goal
-    assert isinstance(name, Scalar)
-    return name.as_text
+            keys = [entry.key for entry in entries_of(goal).values()]  # the values are below it
+            name = keys[0] if keys else goal
+            assert isinstance(name, Scalar)
+            yield who, name.as_text
 
 
 def assignments(plan: Plan, phase: PhasePlan, key: Asked) -> Iterator[Assignment]:
@@ -332,7 +327,10 @@ def has_state(vehicle: VehiclePlan, state: str) -> bool:
 
 def reached(plan: Plan, flow: FlowPlan) -> set[str]:
     """Return the phases reached from the first one, or from one that a callback enters."""
-    waiting = [flow.begin, *_asked(plan, flow)]
+    waiting = [flow.begin]
+    for action in (action for callback in plan.callbacks for action in callback.do):
+        if action.name == "phase" and action.target in (None, flow.name):
+            waiting += [action.value] if action.value in flow.phases else []
     found = set(waiting)
     while waiting:
         phase = flow.phases.get(waiting.pop())
@@ -341,12 +339,3 @@ def reached(plan: Plan, flow: FlowPlan) -> set[str]:
                 found.add(transition.target)
                 waiting.append(transition.target)
     return found - {END}
-
-
-def _asked(plan: Plan, flow: FlowPlan) -> Iterator[str]:
-    """Yield the phases of the flow that callbacks enter."""
-    for callback in plan.callbacks:
-        for action in callback.do:
-            named = action.target is None or action.target == flow.name
-            if action.name == "phase" and named and action.value in flow.phases:
-                yield action.value

@@ -14,7 +14,7 @@ from kybflow.core.units import ANGLE, FORCE, MASS, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import footprints, the_limit, values_of
 from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
-from kybflow.dsl.plan import Body, PartPlan, StatePlan, VehiclePlan
+from kybflow.dsl.plan import Body, StatePlan, VehiclePlan
 from kybflow.world.plausible import Implausible, of_airframe, of_parcel
 from kybflow.world.vehicle_context import Airframe, Parcel
 
@@ -28,16 +28,18 @@ LIMITS = frozenset({"tilt", "speed", "climb"})
 def beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
     """KYB316: the `tilt`, `speed` or `climb` of a tracker or a processor exceeds that of the
     airframe."""
-    for vehicle in case.plan.vehicles:
-        for part in (vehicle.tracker, *vehicle.processors):
-            if not LIMITS.isdisjoint(part.source.node.entries):
-                yield from _beyond(vehicle, part)
-
-
-def _beyond(vehicle: VehiclePlan, part: PartPlan) -> Iterator[Diagnostic]:
-    for field in fields_of(Airframe):
+    limited = [field for field in fields_of(Airframe) if field.name in LIMITS]
+    written = (
+        (vehicle, part, field)
+        for vehicle in case.plan.vehicles
+        for part in (vehicle.tracker, *vehicle.processors)
+        if not LIMITS.isdisjoint(part.source.node.entries)
+        for field in limited
+        if part.is_written(field.name)
+    )
+    for vehicle, part, field in written:
         name, dimension = field.name, field.dimension
-        if name not in LIMITS or not part.is_written(name) or dimension is None:
+        if dimension is None:
             continue
         own = next(f for f in part.fields if f.name == name)
         value, limit = getattr(part.params, name), getattr(vehicle.airframe, name)

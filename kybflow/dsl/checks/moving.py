@@ -85,6 +85,8 @@ def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
     sensor that could track it."""
     if all(vehicle.driver.cls.simulated for vehicle in case.plan.vehicles):
         return
+    known = (spec for spec in case.parts("sensors") if not spec.cls.simulated)
+    real = " or ".join(f"`{spec.name}`" for spec in known if spec.cls.tracks_bodies)
     for moving in _moving(case):
         if case.plan.tracked_by(moving.name) is None:
             yield Diagnostic(
@@ -92,18 +94,12 @@ def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
                 f"nothing tracks `{moving.name}`",
                 moving.span,
                 label="no vehicle uses motion capture",
-                help=f"give a vehicle the sensor {_real(case)}, or fly on a simulated target",
+                help=f"give a vehicle the sensor {real}, or fly on a simulated target",
             )
 
 
 def _moving(case: Case) -> list[Obstacle]:
     return [one for one in case.plan.world.obstacles if one.moving is not None]
-
-
-def _real(case: Case) -> str:
-    """Return the names of the real sensors that track bodies, as text."""
-    known = (spec for spec in case.parts("sensors") if not spec.cls.simulated)
-    return " or ".join(f"`{spec.name}`" for spec in known if spec.cls.tracks_bodies)
 
 
 def seen_as_another(case: Case) -> Iterator[Diagnostic]:

@@ -113,17 +113,21 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
             if entry is not None and shape.distance(entry) < arm:
                 continue
             room, point = nearest(path, shape, arm)
-            if room < arm and _goes_round(vehicle, state):
+            around = any(processor.cls.goes_round for processor in vehicle.processors)
+            if room < arm and around and not is_vertical(state):
                 room, point = min((shape.distance(p), p) for p in path)
             if room >= arm or (is_vertical(state) and _carries(shape, path[0], vehicle)):
                 continue
+            way_out = f"fly around `{obstacle}`, or further away from it"
+            if room > -_TOUCHES:
+                way_out += ", or write `contact: allowed` for the obstacle"
             yield Diagnostic(
                 "KYB341",
                 f"`{state.name}` ({state.behavior.name}) flies into `{obstacle}`",
                 aim_of(state, footprint),
                 label=f"at {shown_point(point)}, {room_needed(vehicle, room)}",
                 notes=(_stands(case, obstacle), *footprint.line_of(point)),
-                help=_way_round(obstacle, room),
+                help=way_out,
                 related=values_of(state.behavior),
             )
             break
@@ -198,13 +202,6 @@ def _keepers(case: Case) -> Mapping[str, Sequence[tuple[PartPlan, float]]]:
         ]
         for vehicle in case.plan.vehicles
     }
-
-
-def _way_round(obstacle: str, room: float) -> str:
-    """Return the help line for a path into an obstacle. A path that only touches it may be
-    intended."""
-    meant = ", or write `contact: allowed` for the obstacle" if room > -_TOUCHES else ""
-    return f"fly around `{obstacle}`, or further away from it{meant}"
 
 
 def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
@@ -336,12 +333,6 @@ def _on_line(a: Vec3, b: Vec3, shape: _Solid, enough: float) -> tuple[float, Vec
 def _between(a: Vec3, b: Vec3, part: float) -> Vec3:
     (ax, ay, az), (bx, by, bz) = a, b
     return ax + part * (bx - ax), ay + part * (by - ay), az + part * (bz - az)
-
-
-def _goes_round(vehicle: VehiclePlan, state: StatePlan) -> bool:
-    """Return whether a processor leads the vehicle around obstacles, which happens only in the
-    air."""
-    return not is_vertical(state) and any(use.cls.goes_round for use in vehicle.processors)
 
 
 def is_vertical(state: StatePlan) -> bool:

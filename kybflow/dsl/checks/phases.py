@@ -100,15 +100,13 @@ def _taken(
         assignment.who.span,
         label=f"`{flow.name}` {'does' if sure else 'may'} not have it",
         notes=(f"it was given at {given.at}",) if given is not None else (),
-        help=_way_out(holder),
+        help=(
+            f"wait for its return with `{{event: {holder.flow}.finished, go: ...}}`"
+            if given is not None
+            else "give a flow all its vehicles in one phase"
+        ),
         severity=Severity.ERROR if sure else Severity.WARNING,
     )
-
-
-def _way_out(holder: _Holder) -> str:
-    if holder.given is None:
-        return "give a flow all its vehicles in one phase"
-    return f"wait for its return with `{{event: {holder.flow}.finished, go: ...}}`"
 
 
 def _holders(plan: Plan, flow: FlowPlan) -> dict[str, _Holders]:
@@ -125,7 +123,10 @@ def _holders(plan: Plan, flow: FlowPlan) -> dict[str, _Holders]:
             held[assignment.vehicle] = _Holder(assignment.goal.text, assignment.who.span)
         for transition in phase.transitions:
             event = transition.event or ""
-            left = {v: _held_after(holder, own, event) for v, holder in held.items()}
+            left = {
+                v: own if flow.name == h.flow or event == f"{h.flow}.finished" else h.doubtful
+                for v, h in held.items()
+            }
             target = transition.target
             before = entered.get(target)
             merged = left if before is None else {v: _merged(before[v], left[v]) for v in left}
@@ -150,13 +151,6 @@ def _first(plan: Plan, flow: FlowPlan) -> _Holders:
         giver = next((name for name, given in givers if vehicle in given), flow.name)
         held[vehicle] = own if sure else _Holder(giver, is_sure=False)
     return held
-
-
-def _held_after(holder: _Holder, own: _Holder, event: str) -> _Holder:
-    """Return the holder of a vehicle after a transition of a phase."""
-    if holder.flow == own.flow or event == f"{holder.flow}.finished":
-        return own
-    return holder.doubtful
 
 
 def _merged(a: _Holder, b: _Holder) -> _Holder:

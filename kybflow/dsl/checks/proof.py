@@ -38,9 +38,12 @@ def never_lands(case: Case) -> Iterator[Diagnostic]:
     `then` that is never taken is reported only as KYB206.
     """
     for vehicle, flights in case.cached(_sound):
-        endless = endless_states(vehicle) - _told(vehicle)
+        states = vehicle.states.values()
+        told = {s.name for s in states if any(t.cause == "then" for t in s.transitions)}
+        endless = endless_states(vehicle) - told
         down = comes_down(vehicle, flights, endless)
-        if _asked_down(vehicle, down):
+        is_requested = any(FlightNode(state, AIR) in down for state in vehicle.requested)
+        if is_requested or not vehicle.requested <= vehicle.states.keys():
             continue
         for path in _traps(vehicle, flights, flights.nodes - down, endless):
             yield Diagnostic(
@@ -163,18 +166,6 @@ def _way_out(path: list[str]) -> str:
     if len(path) > 1:
         return "let the last of them lead to a landing, such as `auto_land`"
     return "add a `within`, or a `next` with `after: 60 s`, that leads to a landing"
-
-
-def _asked_down(vehicle: VehiclePlan, down: AbstractSet[FlightNode]) -> bool:
-    """Return whether a callback or a flow requests a state that leads to the ground."""
-    own = any(FlightNode(state, AIR) in down for state in vehicle.requested)
-    return own or not vehicle.requested <= vehicle.states.keys()
-
-
-def _told(vehicle: VehiclePlan) -> set[str]:
-    """Return the states that have a `then`. If it is never taken, KYB206 reports it."""
-    states = vehicle.states.items()
-    return {name for name, s in states if any(t.cause == "then" for t in s.transitions)}
 
 
 def _traps(

@@ -46,23 +46,19 @@ def rest_in_one_place(case: Case) -> Iterator[Diagnostic]:
     for index, (b, own) in enumerate(resting):
         for a, others in resting[:index]:
             apart = (a.airframe.diameter + b.airframe.diameter) / 2
-            if all(distance(p.at, q.at) < apart for p, q in product(own, others)):
-                yield _together(a, others[0], b, own[0], apart)
-                break
-
-
-def _together(
-    a: VehiclePlan, first: RestingPlace, b: VehiclePlan, second: RestingPlace, apart: float
-) -> Diagnostic:
-    return Diagnostic(
-        "KYB344",
-        f"`{b.name}` comes to rest where `{a.name}` does",
-        second.span,
-        label=f"{format_quantity(distance(first.at, second.at), LENGTH)} away",
-        notes=(f"`{a.name}` rests at {shown_point(first.at)} ({first.span.at})",),
-        help=f"keep their resting places at least {format_quantity(apart, LENGTH)} apart",
-        severity=Severity.WARNING,
-    )
+            if any(distance(p.at, q.at) >= apart for p, q in product(own, others)):
+                continue
+            first, second = others[0], own[0]
+            yield Diagnostic(
+                "KYB344",
+                f"`{b.name}` comes to rest where `{a.name}` does",
+                second.span,
+                label=f"{format_quantity(distance(first.at, second.at), LENGTH)} away",
+                notes=(f"`{a.name}` rests at {shown_point(first.at)} ({first.span.at})",),
+                help=f"keep their resting places at least {format_quantity(apart, LENGTH)} apart",
+                severity=Severity.WARNING,
+            )
+            break
 
 
 def _rests(case: Case, vehicle: VehiclePlan) -> list[RestingPlace]:

@@ -66,7 +66,9 @@ def two_of_the_same(case: Case) -> Iterator[Diagnostic]:
     for vehicle, use in _written(case):
         for what in use.part.cls.claims(use.part.params, vehicle.own_cameras):
             first = given.setdefault((vehicle.name, what), use)
-            if first is use or (_is_same(first, use) and first.estimators != use.estimators):
+            a, b = first.part, use.part
+            is_same = (a.name, a.params) == (b.name, b.params)
+            if first is use or (is_same and first.estimators != use.estimators):
                 continue
             beside = f"listed for `{use.estimators[0]}`, the other for `{first.estimators[0]}`"
             yield Diagnostic(
@@ -78,10 +80,6 @@ def two_of_the_same(case: Case) -> Iterator[Diagnostic]:
                 help="remove one: every estimator of the vehicle receives what the other measures",
             )
             break
-
-
-def _is_same(one: SensorPlan, other: SensorPlan) -> bool:
-    return (one.part.name, one.part.params) == (other.part.name, other.part.params)
 
 
 def _written(case: Case) -> Iterator[tuple[VehiclePlan, SensorPlan]]:

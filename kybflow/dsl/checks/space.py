@@ -3,7 +3,7 @@ KYB320 to KYB322 and KYB372."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from math import hypot, inf
 
 from kybflow.core.geometry import ZERO, Vec3, distance
@@ -278,7 +278,11 @@ def without_a_fence(case: Case) -> Iterator[Diagnostic]:
     """
     if case.plan.fence is not None:
         return
-    flying = [v for v in case.plan.vehicles if any(map(_flies, v.states.values()))]
+    flying = [
+        v
+        for v in case.plan.vehicles
+        if any(AIR in leg for state in v.states.values() for leg in state.behavior.cls.flight)
+    ]
     if flying:
         others = ", ".join(f"`{v.name}`" for v in flying[1:])
         yield Diagnostic(
@@ -290,10 +294,6 @@ def without_a_fence(case: Case) -> Iterator[Diagnostic]:
             help="write the bounds under `world`: `fence: {from: [-2, -2, 0], to: [2, 2, 2.5]}`",
             severity=Severity.WARNING,
         )
-
-
-def _flies(state: StatePlan) -> bool:
-    return any(AIR in leg for leg in state.behavior.cls.flight)
 
 
 _SAME = 1e-6
@@ -310,12 +310,8 @@ def aim_of(state: StatePlan, footprint: Footprint) -> Span:
         value = getattr(part.params, field.name)
         if not part.is_written(field.name) or value is None:
             continue
-        if _leads((value,) if field.shape == "vector" else value, way):
+        points = (value,) if field.shape == "vector" else value
+        # the centre of a circle is no target: the path does not lead through, above or below it
+        if any(hypot(p[0] - w[0], p[1] - w[1]) < _SAME for p in points for w in way):
             return part.span_of(field.name)
     return part.span
-
-
-def _leads(told: Iterable[Vec3], way: tuple[Vec3, ...]) -> bool:
-    """Return whether the path `way` passes through, above or below one of the points `told`. The
-    centre of a circle doesn't count."""
-    return any(hypot(t[0] - w[0], t[1] - w[1]) < _SAME for t in told for w in way)

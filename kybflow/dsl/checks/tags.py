@@ -148,13 +148,10 @@ def overlap(a: Tag, b: Tag) -> bool:
     x, y = rotate(turn, (1.0, 0.0, 0.0)), rotate(turn, (0.0, 1.0, 0.0))
     axes: tuple[Vec3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), x, y)
     return all(
-        abs(dot(across, axis)) < _half(a.size, axis) + _half(b.size, _seen(axis, x, y)) - _ROUNDING
+        abs(dot(across, axis))
+        < _half(a.size, axis) + _half(b.size, (dot(axis, x), dot(axis, y), 0.0)) - _ROUNDING
         for axis in axes
     )
-
-
-def _seen(axis: Vec3, x: Vec3, y: Vec3) -> Vec3:
-    return dot(axis, x), dot(axis, y), 0.0
 
 
 def _half(size: float, axis: Vec3) -> float:

@@ -222,10 +222,20 @@ def never_fires(case: Case) -> Iterator[Diagnostic]:
     happens.
     """
     for vehicle in case.plan.vehicles:
-        for name in sorted(endless_states(vehicle)):
-            yield from _never_done(vehicle.states[name])
+        for state in (vehicle.states[name] for name in sorted(endless_states(vehicle))):
+            for way in (t for t in state.transitions if t.cause == "then" and not t.since):
+                yield Diagnostic(
+                    "KYB206",
+                    f"this transition of `{state.name}` is never taken",
+                    way.target_span,
+                    label=f"`{state.behavior.name}` never ends by itself",
+                    help="leave it with `next` or `within`, or set its duration if it has one",
+                )
     for vehicle, state in case.states():
-        guarded = list(_guarded(case, vehicle, state))
+        scope = case.scopes.condition(vehicle.name)
+        timed = [t for t in state.transitions if t.cause in ("next", "within")]
+        timed.sort(key=lambda t: t.cause == "within")
+        guarded = [_Guarded(t, case.condition(t, "when", scope)) for t in timed]
         for index, later in enumerate(guarded):
             others = [a for a in guarded if _can_shadow(a, later, vehicle, state)]
             before = [a for a in guarded[:index] if a in others and _covers(a, later)]
@@ -247,26 +257,6 @@ def phases_never_left(case: Case) -> Iterator[Diagnostic]:
             if before and later.transition.span not in told:
                 told.add(later.transition.span)
                 yield _shadowed("KYB241", phase, later.transition, before[0].transition)
-
-
-def _never_done(state: StatePlan) -> Iterator[Diagnostic]:
-    for transition in state.transitions:
-        if transition.cause == "then" and not transition.since:
-            yield Diagnostic(
-                "KYB206",
-                f"this transition of `{state.name}` is never taken",
-                transition.target_span,
-                label=f"`{state.behavior.name}` never ends by itself",
-                help="leave it with `next` or `within`, or set its duration if it has one",
-            )
-
-
-def _guarded(case: Case, vehicle: VehiclePlan, state: StatePlan) -> Iterator[_Guarded]:
-    scope = case.scopes.condition(vehicle.name)
-    timed = [t for t in state.transitions if t.cause in ("next", "within")]
-    for transition in sorted(timed, key=lambda t: t.cause == "within"):
-        when = case.condition(transition, "when", scope)
-        yield _Guarded(transition, when)
 
 
 def _can_shadow(first: _Guarded, later: _Guarded, vehicle: VehiclePlan, state: StatePlan) -> bool:
