@@ -243,23 +243,17 @@ def render(diagnostic: Diagnostic, texts: dict[str, str]) -> str:
           = `depart` (take_off) leaves the vehicle in the air
           = help: did you mean `deliver`?
     """
-    return "\n".join(clipped(printable(line)) for line in _lines(diagnostic, texts))
-
-
-def _lines(diagnostic: Diagnostic, texts: dict[str, str]) -> Iterator[str]:
     span = diagnostic.span
-    yield (
-        f"{span.file}:{span.line}:{span.column} "
-        f"{diagnostic.severity.value}[{diagnostic.code}]: {diagnostic.message}"
-    )
-    yield from _source(span, diagnostic.label, texts)
+    place = f"{span.file}:{span.line}:{span.column}"
+    lines = [f"{place} {diagnostic.severity.value}[{diagnostic.code}]: {diagnostic.message}"]
+    lines += _source(span, diagnostic.label, texts)
     for other in diagnostic.related:
         if other.span.file == span.file:
-            yield from _source(other.span, other.label, texts)
-    for note in (*ways_to(span), *elsewhere(diagnostic), *diagnostic.notes):
-        yield f"      = {note}"
-    if diagnostic.help:
-        yield f"      = help: {diagnostic.help}"
+            lines += _source(other.span, other.label, texts)
+    notes = [*ways_to(span), *elsewhere(diagnostic), *diagnostic.notes]
+    notes += [f"help: {diagnostic.help}"] if diagnostic.help else []
+    lines += [f"      = {note}" for note in notes]
+    return "\n".join(clipped(printable(line)) for line in lines)
 
 
 def _source(span: Span, label: str, texts: dict[str, str]) -> Iterator[str]:

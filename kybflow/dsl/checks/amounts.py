@@ -20,7 +20,7 @@ from kybflow.core.units import (
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.limits import LIMITS
 from kybflow.dsl.checks.space import footprints
-from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
+from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.plan import PartPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
@@ -36,7 +36,12 @@ _CLIMBS = 0.1
 def several_turns(case: Case) -> Iterator[Diagnostic]:
     """KYB426: an angle is larger than one turn, such as `90 rad` instead of `90 deg` (a
     warning)."""
-    for span, name, value in _angles(case):
+    angles = [(v.span_of("start", "heading"), "heading", v.heading) for v in case.plan.vehicles]
+    for number in case.cached(_written):
+        name = number.field.name
+        if number.field.dimension is ANGLE:
+            angles.append((number.part.span_of(name), name, number.value))
+    for span, name, value in angles:
         if abs(value) > _TURN + _ROUNDING:
             yield Diagnostic(
                 "KYB426",
@@ -46,15 +51,6 @@ def several_turns(case: Case) -> Iterator[Diagnostic]:
                 help=f"did you mean `{value:g} deg`?",
                 severity=Severity.WARNING,
             )
-
-
-def _angles(case: Case) -> Iterator[tuple[Span, str, float]]:
-    """Yield (span, name, value in rad) for every angle in the mission."""
-    for vehicle in case.plan.vehicles:
-        yield vehicle.span_of("start", "heading"), "heading", vehicle.heading
-    for number in case.cached(_written):
-        if number.field.dimension is ANGLE:
-            yield number.part.span_of(number.field.name), number.field.name, number.value
 
 
 class _Number(NamedTuple):

@@ -38,7 +38,10 @@ def barrier_too_short(case: Case) -> Iterator[Diagnostic]:
         for name, states in known.items():
             phase = flow.phases[name]
             limit = next((t for t in phase.transitions if t.cause == "within"), None)
-            if limit is None or limit.after is None or not _may_be_late(case, phase, limit.after):
+            vehicles = [case.plan.fleet[name] for name in runs_of(case, phase)]
+            if limit is None or limit.after is None:
+                continue
+            if all(no_way_exceeds(case, vehicle, limit.after) for vehicle in vehicles):
                 continue
             ways = (t for t in phase.transitions if t is not limit)
             waits = [_least_wait(case, phase, t, states) for t in ways]
@@ -100,12 +103,6 @@ def _phases_ahead(
             continue
         _, way = _least_wait(case, phase, transition, states.get(name, {}))
         yield transition.target, max(own_wait(transition), way.seconds)
-
-
-def _may_be_late(case: Case, phase: PhasePlan, limit: float) -> bool:
-    """Return whether the states that a phase runs may take longer than its limit."""
-    vehicles = (case.plan.fleet[name] for name in runs_of(case, phase))
-    return any(not no_way_exceeds(case, vehicle, limit) for vehicle in vehicles)
 
 
 def _undisturbed(case: Case) -> Iterator[tuple[FlowPlan, dict[str, dict[str, str]]]]:

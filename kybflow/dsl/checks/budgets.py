@@ -55,20 +55,16 @@ def within_too_short(case: Case) -> Iterator[Diagnostic]:
             if transition.since:
                 least, what = _least_of_chain(case, vehicle, state, transition), transition.since
             if exceeds(least, transition.after):
+                then = next((t.target for t in state.transitions if t.cause == "then"), None)
+                end = end_of(state.behavior.cls.flight) if then is None else then
                 yield Diagnostic(
                     "KYB430",
                     f"`{what}` can't end within {seconds_of(transition.after)}",
                     transition.span,
                     label=f"needs at least {seconds_of(least)}",
                     help="allow more time, or shorten the flight",
-                    severity=_severity(state, transition),
+                    severity=Severity.WARNING if end == transition.target else Severity.ERROR,
                 )
-
-
-def _severity(state: StatePlan, limit: TransitionPlan) -> Severity:
-    then = next((t.target for t in state.transitions if t.cause == "then"), None)
-    end = end_of(state.behavior.cls.flight) if then is None else then
-    return Severity.WARNING if end == limit.target else Severity.ERROR
 
 
 def _least_of_chain(
@@ -351,23 +347,18 @@ def _first(vehicle: VehiclePlan) -> FlightNode:
 
 def _left_alone(case: Case) -> Iterator[VehiclePlan]:
     """Yield the vehicles that only their own states control: no flow or callback requests a state
-    from them, and they have no fault, unless they are expected to land in spite of it."""
+    from them, and they have no fault, unless they are expected to land in spite of it: to end in
+    `landed`, and hence not by the failsafe in `fault`."""
     broken = {fault.vehicle for fault in case.plan.faults}
-    broken -= set(_expected_to_land(case)) if broken else set()
+    for text in case.plan.texts_of("expect") if broken else ():
+        match parse(text, case.scopes.expectation())[0]:
+            case Finally(InState(name, "landed")):
+                broken.discard(name)
+            case Finally(GroupInState("all", _, names, "landed")):
+                broken -= set(names)
     for vehicle in () if case.cached(disturbances) else case.plan.vehicles:
         if not vehicle.requested and vehicle.name not in broken:
             yield vehicle
-
-
-def _expected_to_land(case: Case) -> Iterator[str]:
-    """Yield the vehicles that are expected to end in `landed`, and hence not by the failsafe in
-    `fault`."""
-    for text in case.plan.texts_of("expect"):
-        match parse(text, case.scopes.expectation())[0]:
-            case Finally(InState(name, "landed")):
-                yield name
-            case Finally(GroupInState("all", _, names, "landed")):
-                yield from names
 
 
 def _place(case: Case, vehicle: VehiclePlan, way: Way) -> Span:

@@ -22,7 +22,6 @@ from kybflow.dsl.expressions import (
     Always,
     And,
     Compare,
-    Condition,
     Distance,
     Eventually,
     Expression,
@@ -100,7 +99,9 @@ def _asked_in(
 ) -> _Asked:
     own, where = vehicle.name, transition.since or state.name
     condition = case.condition(transition, "when", case.scopes.condition(own))
-    longest = inf if transition.since else _longest(case, vehicle, state)
+    # callbacks and requests with values may change how long a state lasts
+    is_other = case.cached(disturbances) or (vehicle.requested and any(case.cached(_valued)))
+    longest = inf if transition.since or is_other else longest_time(vehicle, state)
     if condition is None:
         return _Asked(text, None)
     here = (InState(own, where), Compare("==", Read(None, "behavior"), Word(where)))
@@ -114,13 +115,6 @@ def _asked_in(
         return _Asked(text, False, why, hint)
     always = never_holds(And((Not(condition), *here)), bounds)
     return _Asked(text, True if always else None, why)
-
-
-def _longest(case: Case, vehicle: VehiclePlan, state: StatePlan) -> float:
-    """Return the longest duration of a state, s; infinite if callbacks or requests with values may
-    change it."""
-    is_other = case.cached(disturbances) or (vehicle.requested and any(case.cached(_valued)))
-    return inf if is_other else longest_time(vehicle, state)
 
 
 def _valued(case: Case) -> Iterator[bool]:
@@ -349,7 +343,13 @@ def ends_in_the_air(case: Case) -> Iterator[Diagnostic]:
     so none is in a state that it flies in the air."""
     for text, expression in _expected(case):
         if isinstance(expression, Finally):
-            condition, aloft = expression.condition, tuple(_aloft(case, expression.condition))
+            condition = expression.condition
+            aloft = tuple(
+                Not(InState(vehicle, state))
+                for vehicle, state in named_states(condition, None)
+                if (legs := case.legs(case.plan.fleet[vehicle], state))
+                and all(leg.end is AIR for leg in legs)
+            )
             is_false = bool(aloft) and never_holds(And((condition, *aloft)), _unknown)
             is_true = bool(aloft) and never_holds(And((Not(condition), *aloft)), _unknown)
             if is_false or is_true:
@@ -360,15 +360,6 @@ def ends_in_the_air(case: Case) -> Iterator[Diagnostic]:
                     label="a run ends on the ground",
                     help="test `landed`, or a state during the flight: `eventually a in hold`",
                 )
-
-
-def _aloft(case: Case, condition: Condition) -> Iterator[Condition]:
-    """For each state in a condition that is flown only in the air, yield the condition that its
-    vehicle is not in it."""
-    for vehicle, state in named_states(condition, None):
-        legs = case.legs(case.plan.fleet[vehicle], state)
-        if legs and all(leg.end is AIR for leg in legs):
-            yield Not(InState(vehicle, state))
 
 
 def _unknown(_: object) -> tuple[float, float]:

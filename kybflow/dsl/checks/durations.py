@@ -151,11 +151,19 @@ def ways_from(
     """Return the quickest path from any node in `first` to each node that is reachable without
     failures. Paths continue only through nodes that `through` accepts."""
     edges, begins = _ahead(case, vehicle), set(first)
+    landed = FlightNode("landed", GROUND), 0.0
+    built_in: dict[str, _Edge] = {
+        "brake": (FlightNode("hover", AIR), 0.0),
+        "hover": (FlightNode("auto_land", AIR), case.plan.hover_limit),
+        "auto_land": landed,
+        "land_blind": landed,
+    }
 
     def ahead(node: FlightNode) -> Iterable[_Edge]:
         if node not in begins and not through(node):
             return ()
-        return (*edges.get(node, ()), *_built_in_ahead(case, node))
+        own = edges.get(node, ())
+        return (*own, built_in[node.state]) if node.state in built_in else own
 
     return quickest(sorted(begins, key=str), ahead, lambda node: node.state)
 
@@ -196,16 +204,6 @@ def no_way_exceeds(case: Case, vehicle: VehiclePlan, limit: float) -> bool:
         most = sum([max([spent for _, spent in edges]) for edges in ahead])
         vehicle.known["most"] = most + case.plan.hover_limit if brakes else most
     return not exceeds(vehicle.known["most"], limit)
-
-
-def _built_in_ahead(case: Case, node: FlightNode) -> Iterator[_Edge]:
-    match node.state:
-        case "brake":
-            yield FlightNode("hover", AIR), 0.0
-        case "hover":
-            yield FlightNode("auto_land", AIR), case.plan.hover_limit
-        case "auto_land" | "land_blind":
-            yield FlightNode("landed", GROUND), 0.0
 
 
 def _ahead(case: Case, vehicle: VehiclePlan) -> dict[FlightNode, list[_Edge]]:

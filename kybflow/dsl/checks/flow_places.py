@@ -74,16 +74,15 @@ def _places(case: Case, flow: FlowPlan) -> dict[str, _Places]:
         for transition in phase.transitions:
             left = _places_after(case, phase, transition, entered[phase.name])
             target, before = transition.target, entered.get(transition.target)
-            merged = _united(before or {}, left)
+            had = before or {}
+            united = {
+                v: had.get(v, frozenset()) | left.get(v, frozenset()) for v in had.keys() | left
+            }
+            merged = {v: points for v, points in united.items() if len(points) <= _MOST}
             if target in flow.phases and merged != before:
                 entered[target] = merged
                 waiting.append(target)
     return entered
-
-
-def _united(a: _Places, b: _Places) -> _Places:
-    united = {v: a.get(v, frozenset()) | b.get(v, frozenset()) for v in {*a, *b}}
-    return {v: points for v, points in united.items() if len(points) <= _MOST}
 
 
 def _places_after(

@@ -54,22 +54,20 @@ def two_drivers(case: Case) -> Iterator[Diagnostic]:
                 first[vehicle] = flow
                 continue
             other = first[vehicle]
+            named = (
+                assignment.who.span
+                for phase in flow.phases.values()
+                for key in ASKED
+                for assignment in assignments(case.plan, phase, key)
+                if assignment.vehicle == vehicle
+            )
             yield Diagnostic(
                 "KYB198",
                 f"`{flow.name}` and `{other.name}` both control `{vehicle}`",
-                _named_at(case.plan, flow, vehicle),
+                next(named, flow.span),
                 label=f"`{other.name}` has it from the start",
                 help=f"let one give it to the other: `give: {{{vehicle}: {flow.name}}}`",
             )
-
-
-def _named_at(plan: Plan, flow: FlowPlan, vehicle: str) -> Span:
-    """Return the source location where a flow first names a vehicle."""
-    for phase in flow.phases.values():
-        for assignment in (one for key in ASKED for one in assignments(plan, phase, key)):
-            if assignment.vehicle == vehicle:
-                return assignment.who.span
-    return flow.span
 
 
 def not_driven(case: Case) -> Iterator[Diagnostic]:
@@ -204,27 +202,23 @@ def can_not_enter(case: Case) -> Iterator[Diagnostic]:
         return
     for flow in case.plan.flows:
         for name, places in _flight_conditions(case, flow).items():
-            for assignment in assignments(case.plan, flow.phases[name], "run"):
-                yield from _impossible(case, assignment, places[assignment.vehicle])
-
-
-def _impossible(
-    case: Case, assignment: Assignment, places: frozenset[Flight]
-) -> Iterator[Diagnostic]:
-    vehicle = case.plan.fleet[assignment.vehicle]
-    goal = vehicle.goal(assignment.goal.text)
-    starts = {leg.start for leg in case.legs(vehicle, goal)}
-    if not starts or not starts.isdisjoint(places):
-        return
-    fits = [s for s in vehicle.states if any(case.accepts(vehicle, s, p) for p in places)]
-    yield Diagnostic(
-        "KYB243",
-        f"`{assignment.vehicle}` can't enter `{assignment.goal.text}` here",
-        assignment.goal.span,
-        label=f"needs a vehicle {_said(starts)}",
-        notes=(f"`{assignment.vehicle}` is {_said(places)} when this phase begins",),
-        help=f"did you mean `{fits[0]}`?" if fits else "",
-    )
+            for own, _, goal in assignments(case.plan, flow.phases[name], "run"):
+                vehicle = case.plan.fleet[own]
+                starts = {leg.start for leg in case.legs(vehicle, vehicle.goal(goal.text))}
+                if not starts or not starts.isdisjoint(places[own]):
+                    continue
+                fits = (
+                    s for s in vehicle.states for p in places[own] if case.accepts(vehicle, s, p)
+                )
+                other = next(fits, None)
+                yield Diagnostic(
+                    "KYB243",
+                    f"`{own}` can't enter `{goal.text}` here",
+                    goal.span,
+                    label=f"needs a vehicle {_said(starts)}",
+                    notes=(f"`{own}` is {_said(places[own])} when this phase begins",),
+                    help=f"did you mean `{other}`?" if other else "",
+                )
 
 
 def _said(places: set[Flight] | frozenset[Flight]) -> str:

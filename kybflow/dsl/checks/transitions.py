@@ -73,26 +73,21 @@ def ends_that_do_not_meet(case: Case) -> Iterator[Diagnostic]:
     """
     for vehicle in case.plan.vehicles:
         for link in flight_graph(case, vehicle).broken:
-            yield _broken(case, vehicle, link)
-
-
-def _broken(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> Diagnostic:
-    source = vehicle.states[link.source.state]
-    target = link.transition.target
-    legs = case.legs(vehicle, target)
-    own, part = source.behavior.name, part_of(vehicle, target)
-    early = ", left before its end," if link.flight is MOVING else ""
-    return Diagnostic(
-        "KYB203",
-        f"`{target}` can't follow `{source.name}`",
-        link.transition.target_span,
-        label=f"needs a vehicle {_starts(legs)}",
-        notes=(
-            f"`{source.name}` ({own}){early} leaves the vehicle {PHRASES[link.flight]}; "
-            f"`{target}` ({part}) starts {_starts(legs)}",
-        ),
-        help=_alternative(case, vehicle, link),
-    )
+            source, target = vehicle.states[link.source.state], link.transition.target
+            own, part = source.behavior.name, part_of(vehicle, target)
+            starts = _starts(case.legs(vehicle, target))
+            early = ", left before its end," if link.flight is MOVING else ""
+            yield Diagnostic(
+                "KYB203",
+                f"`{target}` can't follow `{source.name}`",
+                link.transition.target_span,
+                label=f"needs a vehicle {starts}",
+                notes=(
+                    f"`{source.name}` ({own}){early} leaves the vehicle {PHRASES[link.flight]}; "
+                    f"`{target}` ({part}) starts {starts}",
+                ),
+                help=_alternative(case, vehicle, link),
+            )
 
 
 def _alternative(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> str:

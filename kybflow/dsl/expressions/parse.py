@@ -65,22 +65,19 @@ class Parsed(NamedTuple):
 def parse(text: Text, scope: Scope) -> Parsed:
     """Parse `text`. Return the expression, or None with the findings. Never raises."""
     parsed: Parsed | None = scope.read.get(text)
-    if parsed is None:
-        parsed = scope.read[text] = _parsed(text, scope)
-    return parsed
-
-
-def _parsed(text: Text, scope: Scope) -> Parsed:
-    found = Findings()
+    if parsed is not None:
+        return parsed
+    found, expression = Findings(), None
     if len(text.text) > MAX_LENGTH:
         message = f"this expression is longer than {MAX_LENGTH} characters"
         found.report("KYB214", message, text.span, f"{len(text.text)} characters", help=_SPLIT)
-        return Parsed(None, found.all)
-    try:
-        expression = _Parser(text, scope, found).whole()
-    except Unreadable:
-        return Parsed(None, found.all[-1:])  # the reason why parsing stopped
-    return Parsed(None if found.all else expression, found.all)
+    else:
+        try:
+            expression = _Parser(text, scope, found).whole()
+        except Unreadable:
+            del found.all[:-1]  # the last one is the reason why parsing stopped
+    parsed = scope.read[text] = Parsed(None if found.all else expression, found.all)
+    return parsed
 
 
 class _Parser:

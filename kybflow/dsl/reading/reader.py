@@ -14,7 +14,6 @@ import itertools
 import os
 import re
 import stat
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, TypeGuard
 
@@ -301,17 +300,16 @@ def mission_files(folder: Path) -> list[Path]:
     """Return the YAML files in `folder` and its subfolders, sorted, that have a key of a mission or
     library at the top level, including invalid ones. Hidden subfolders and run folders are
     skipped."""
-    return sorted(path for path in _yaml_files(folder) if _is_ours(path))
-
-
-def _yaml_files(folder: Path) -> Iterator[Path]:
+    found: list[Path] = []
     for where, folders, files in os.walk(folder):
         here = Path(where)
         if here != folder and not {RESOLVED, PROVENANCE}.isdisjoint(files):
             folders.clear()
             continue
         folders[:] = [name for name in folders if not name.startswith(".")]
-        yield from (here / name for name in files if Path(name).suffix in (".yaml", ".yml"))
+        paths = (here / name for name in files if Path(name).suffix in (".yaml", ".yml"))
+        found += filter(_is_ours, paths)
+    return sorted(found)
 
 
 def _is_ours(path: Path) -> bool:
