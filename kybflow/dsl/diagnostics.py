@@ -222,8 +222,8 @@ def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
 
 
 def goals_like(name: str, states: Iterable[str]) -> list[str]:
-    """Return the states and chains that `name` could have been meant for. If `name` has no dot, a
-    chain stands for all its states."""
+    """Return the states and chains that an unknown `name` could have been meant for. If `name` has
+    no dot, the states of a chain are left out."""
     if "." in name:
         return list(dict.fromkeys(own for s in states for own in (*chains_of(s), s)))
     return list(dict.fromkeys([state.partition(".")[0] for state in states]))

@@ -67,9 +67,9 @@ def _found(case: Case) -> Iterator[Diagnostic]:
 
 
 def _found_with_values(plan: Plan, catalog: Catalog) -> Iterator[Diagnostic]:
-    """Yield the findings for requests with values: for each, check the mission with the values in
-    place of those of the state that it enters. Findings that the plain mission has too are dropped
-    later as duplicates."""
+    """Yield the findings about requests with values. For each request, the mission is checked with
+    these values in place of those of the entered state. `check` later drops the findings that the
+    mission also has without them."""
     for asked in valued_requests(plan):
         entered = dict(entered_states(plan, asked))
         if not entered:

@@ -54,7 +54,7 @@ def several_turns(case: Case) -> Iterator[Diagnostic]:
 
 
 class _Number(NamedTuple):
-    """A number in the mission that is a parameter of a behavior."""
+    """A number that the mission gives to a parameter of a behavior."""
 
     vehicle: VehiclePlan
     part: PartPlan
@@ -112,7 +112,7 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
 
 
 def _parts(case: Case) -> Iterator[PartPlan]:
-    """Yield every behavior and processor."""
+    """Yield every behavior and processor of every vehicle."""
     for vehicle in case.plan.vehicles:
         yield from (state.behavior for state in vehicle.states.values())
         yield from vehicle.processors

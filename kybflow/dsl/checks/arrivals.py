@@ -92,7 +92,7 @@ def never_passes_its_turn(case: Case) -> Iterator[Diagnostic]:
 
 
 def _lasts(vehicle: VehiclePlan, goal: str) -> bool:
-    """Return whether a state can only be left by a failure."""
+    """Return whether a vehicle leaves a state only when its behavior fails."""
     if goal not in vehicle.states:
         return goal in _LASTING
     ways = {transition.cause for transition in vehicle.states[goal].transitions}

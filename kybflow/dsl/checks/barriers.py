@@ -76,8 +76,8 @@ def flow_too_long(case: Case) -> Iterator[Diagnostic]:
 
 
 def flow_ways(case: Case) -> Iterator[tuple[FlowPlan, Way]]:
-    """Yield the quickest path through the phases of each flow that has its vehicles from the
-    start."""
+    """Yield the quickest path through the phases of each flow to which vehicles belong from the
+    start of the mission."""
     for flow, states in () if case.plan.faults else case.cached(_undisturbed):
         if own_vehicles(case.plan, flow):
             ways = quickest(
@@ -92,8 +92,8 @@ def flow_ways(case: Case) -> Iterator[tuple[FlowPlan, Way]]:
 def _phases_ahead(
     case: Case, flow: FlowPlan, states: dict[str, dict[str, str]], name: str
 ) -> Iterator[tuple[str, float]]:
-    """Yield the phases that follow a phase, each with the least seconds until then. `within` counts
-    only if it is the only exit."""
+    """Yield (phase, seconds) for each phase that may follow a phase: the least time until it
+    begins. A `within` counts only if no other transition leaves the phase."""
     phase = flow.phases.get(name)
     if phase is None:
         return
@@ -106,8 +106,8 @@ def _phases_ahead(
 
 
 def _undisturbed(case: Case) -> Iterator[tuple[FlowPlan, dict[str, dict[str, str]]]]:
-    """Yield each flow with the known states of its vehicles, by phase; none if a callback may
-    disturb flows."""
+    """Yield each flow with the known states of its vehicles on entry to each phase. Yields nothing
+    if a callback may disturb flows."""
     for flow in () if case.cached(disturbances) else case.plan.flows:
         yield flow, _known_states(case, flow)
 
@@ -115,8 +115,8 @@ def _undisturbed(case: Case) -> Iterator[tuple[FlowPlan, dict[str, dict[str, str
 def _least_wait(
     case: Case, phase: PhasePlan, transition: TransitionPlan, states: dict[str, str]
 ) -> tuple[str, Way]:
-    """Return (the vehicle that takes longest, its quickest path) until an exit of a phase can be
-    taken."""
+    """Return (vehicle, path) for the vehicle that takes longest until a transition of a phase can
+    be taken, with its quickest path."""
     slowest = ("", Way(0.0))
     run = runs_of(case, phase)
     for name, state in said_states(case.condition(transition, "when", case.scopes.flow())):

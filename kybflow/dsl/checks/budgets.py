@@ -70,8 +70,8 @@ def within_too_short(case: Case) -> Iterator[Diagnostic]:
 def _least_of_chain(
     case: Case, vehicle: VehiclePlan, state: StatePlan, transition: TransitionPlan
 ) -> float:
-    """Return the least time from the first state of a chain to a state outside it; 0 for the other
-    states of the chain."""
+    """Return the least time that a vehicle spends in a chain, s, if `state` is the chain's first
+    state; 0 for its other states."""
     chain = transition.since
     limit = transition.after or 0.0
     if vehicle.goal(chain) != state.name or no_way_exceeds(case, vehicle, limit):
@@ -148,8 +148,8 @@ def left_at_once(case: Case) -> Iterator[Diagnostic]:
 def _is_told(
     case: Case, vehicle: VehiclePlan, state: StatePlan, transition: TransitionPlan
 ) -> bool:
-    """Return whether KYB430, KYB431 or another state of the same chain already reports this
-    transition."""
+    """Return whether this transition is already reported, by KYB430 or KYB431 or at another state
+    of the same chain."""
     if transition.since and vehicle.goal(transition.since) != state.name:
         return True
     if (vehicle, state, transition) not in case.cached(_timed):
@@ -162,8 +162,8 @@ def _is_told(
 
 
 def _timed(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, TransitionPlan]]:
-    """Yield every transition that waits for a time, of reachable states that end by themselves and
-    of chains."""
+    """Yield every transition that waits for a time and that leaves a reachable state whose behavior
+    ends by itself, or a chain."""
     for vehicle in case.plan.vehicles:
         endless = endless_states(vehicle)
         for name in entries_of(vehicle):
@@ -346,9 +346,9 @@ def _first(vehicle: VehiclePlan) -> FlightNode:
 
 
 def _left_alone(case: Case) -> Iterator[VehiclePlan]:
-    """Yield the vehicles that only their own states control: no flow or callback requests a state
-    from them, and they have no fault, unless they are expected to land in spite of it: to end in
-    `landed`, and hence not by the failsafe in `fault`."""
+    """Yield the vehicles that follow only their own transitions: no flow or callback requests a
+    state from them, and no fault affects them. A vehicle with a fault counts if the mission expects
+    it to end in `landed`: then the failsafe must not end its flight in `fault`."""
     broken = {fault.vehicle for fault in case.plan.faults}
     for text in case.plan.texts_of("expect") if broken else ():
         match parse(text, case.scopes.expectation())[0]:
@@ -362,7 +362,7 @@ def _left_alone(case: Case) -> Iterator[VehiclePlan]:
 
 
 def _place(case: Case, vehicle: VehiclePlan, way: Way) -> Span:
-    """Return the source location of the duration of the longest state on a path."""
+    """Return where the duration of the longest state on a path is written."""
     name = way.longest()
     state = vehicle.states.get(name)
     if state is None:

@@ -196,8 +196,8 @@ def _placeholders(
 
 
 class _Said(NamedTuple):
-    """An event that an action is certain to cause, and its field values that are known in
-    advance."""
+    """An event that an action is certain to cause. fields: the values of its fields that are known
+    before the flight."""
 
     vehicle: str
     event: str
@@ -206,7 +206,7 @@ class _Said(NamedTuple):
 
 class _Way(NamedTuple):
     """A link from one callback to another: `action` of the first causes an event that triggers the
-    callback number `to`."""
+    second. to: the number of the second callback."""
 
     action: ActionKeys
     to: int
@@ -241,7 +241,8 @@ def cycles(case: Case) -> Iterator[Diagnostic]:
 
 
 def _key_span(callback: CallbackPlan, action: ActionKeys) -> Span:
-    """Return the source location of an action's key, which several targets may share."""
+    """Return where the key of an action is written. One key may have several targets, which are
+    separate actions."""
     do = callback.entry("do")
     items = () if do is None else items_of(do.value)
     own = next(item for item in items if action.span.is_in(item.span))

@@ -159,10 +159,11 @@ _ESTIMATED = ("state.", "estimate.", "position_error", "velocity_error", "estima
 
 
 def never_entered(case: Case) -> Iterator[Diagnostic]:
-    """KYB257: a condition or an expectation asks for a state that its vehicle never enters.
+    """KYB257: a condition or an expectation names a state that its vehicle never enters.
 
-    The state exists, but no transition, callback or flow leads to it; it came through `like`, else
-    KYB204 would say so. A statistic of it is of no tick, an `eventually` of it fails.
+    The state exists because the vehicle inherits it through `like`, but no transition, callback or
+    flow leads to it (other unreachable states are reported as KYB204). A statistic of such a state
+    has no values, and an `eventually` of it fails.
     """
     never = {v.name: _never(v) for v in case.plan.vehicles}
     if not any(never.values()):
@@ -231,7 +232,7 @@ def not_measured(case: Case) -> Iterator[Diagnostic]:
 
 
 def _lacking(case: Case, vehicle: VehiclePlan, name: str) -> str:
-    """Return a message that says what the vehicle lacks to know a value; empty if it lacks
+    """Return in words what the vehicle lacks so that a value is never known; empty if it lacks
     nothing."""
     driver = vehicle.driver
     if name.startswith("battery.") and Battery not in driver.cls.provides:

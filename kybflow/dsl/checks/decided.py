@@ -50,8 +50,8 @@ _OF_STATES = re.compile(r"\b(?:in|behavior|elapsed)\b")
 
 
 class _Decided(NamedTuple):
-    """A condition with a known result. holds: whether it always or never holds. is_certain: whether
-    that is so in any flight, and not only in a normal one."""
+    """A condition whose result is known before the flight. holds: whether it always or never holds.
+    is_certain: whether this is true of every flight, and not only of normal ones."""
 
     typed: TypedCondition
     holds: bool
@@ -69,8 +69,9 @@ def _decided(case: Case) -> Iterator[_Decided]:
 
 
 class _Asked(NamedTuple):
-    """A condition as evaluated in a state. holds: True if it always holds there, False if it never
-    does, None if unknown. why: the explanation. hint: the help if it never holds."""
+    """The result of a condition in the state that evaluates it. holds: True if it always holds
+    there, False if it never does, None if unknown. why: the explanation. hint: the help if it never
+    holds."""
 
     text: Text
     holds: bool | None
@@ -79,7 +80,7 @@ class _Asked(NamedTuple):
 
 
 def _decided_in_states(case: Case) -> Iterator[_Asked]:
-    """Yield the conditions that have the same known result in every state that evaluates them."""
+    """Yield the conditions whose result is known and equal in all states that evaluate them."""
     found: dict[Span, list[_Asked]] = {}
     told = {one.typed.text.span for one in case.cached(_decided)}
     for vehicle, state in case.states():
@@ -118,7 +119,7 @@ def _asked_in(
 
 
 def _valued(case: Case) -> Iterator[bool]:
-    """Yield for each phase whether it enters states with values."""
+    """Yield for each phase whether it passes values to states."""
     return (any(map(written, phase.run.values())) for _, phase in phases(case.plan))
 
 
@@ -252,7 +253,8 @@ def _told(case: Case, found: _Decided, code: str, what: str, label: str, hint: s
 
 
 def _limits(case: Case, found: _Decided) -> Iterator[str]:
-    """Yield the ranges of the values that decide a condition, and what limits them."""
+    """Yield notes with the range of each value that decides a condition, and with what limits
+    it."""
     usual, certain, _ = reaches_of(case)(found.typed.own)
     bounds, nature = (certain if found.is_certain else usual), physical_bounds(inf)
     is_known = always_holds if found.holds else never_holds
@@ -339,8 +341,8 @@ def _expected(case: Case) -> Iterator[tuple[Text, Expression]]:
 
 
 def ends_in_the_air(case: Case) -> Iterator[Diagnostic]:
-    """KYB425: the end of a run decides a `finally`: a run ends when all vehicles are on the ground,
-    so none is in a state that it flies in the air."""
+    """KYB425: a `finally` has the same result in every flight, because a run ends only when all
+    vehicles are on the ground: none is then in a state that it flies in the air."""
     for text, expression in _expected(case):
         if isinstance(expression, Finally):
             condition = expression.condition

@@ -71,7 +71,7 @@ class Way(NamedTuple):
 
 
 def sum_of(way: Way) -> str:
-    """Return the terms that add up to the path's time, as text for a note."""
+    """Return a note that adds up the times of a path: `13.6 s = `up` 4.76 s + ...`."""
     steps = way.steps()
     shown = sorted(sorted(steps, key=lambda s: -s[1])[:_MOST_SHOWN], key=steps.index)
     terms = [f"`{state}` {seconds_of(spent)}" for state, spent in shown]
@@ -122,8 +122,8 @@ def least_time(case: Case, vehicle: VehiclePlan, state: StatePlan) -> float:
 
 
 def least_from(case: Case, state: StatePlan, entry: Vec3 | None) -> float:
-    """Return the least seconds for one entry position. A landing counts as zero if there are
-    obstacles, because it may end early on top of one."""
+    """Return the least seconds that a state takes from one entry position. A landing counts as zero
+    if there are obstacles, because it may end early on top of one."""
     footprint = state.footprint(entry)
     lands = any(leg.end is GROUND and leg.start is not GROUND for leg in state.legs)
     if footprint is None or (case.plan.obstacles and lands):
@@ -208,7 +208,7 @@ def no_way_exceeds(case: Case, vehicle: VehiclePlan, limit: float) -> bool:
 
 def _ahead(case: Case, vehicle: VehiclePlan) -> dict[FlightNode, list[_Edge]]:
     """Return the successors of each node of the vehicle's own states, with the least seconds until
-    then. A vehicle with a fault may fail at once."""
+    they are entered. A vehicle with a fault may fail at once."""
     found: dict[FlightNode, list[_Edge]] = vehicle.known.setdefault("ahead", {})
     if found:
         return found
@@ -243,8 +243,8 @@ def _least_before(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> float:
 
 
 def own_wait(transition: TransitionPlan) -> float:
-    """Return the time in its state after which a transition can be taken, s. A transition of a
-    chain counts as zero, because its time began in an earlier state."""
+    """Return how long a transition waits in its own state before it can be taken, s. For a
+    transition of a whole chain this is zero, because its wait began in an earlier state."""
     after = 0.0 if transition.since else transition.after or 0.0
     return max(after, transition.hold)
 
@@ -259,8 +259,9 @@ def _least_elapsed(when: Condition | None, own: str) -> float:
 
 
 def _least_end(case: Case, vehicle: VehiclePlan, node: FlightNode) -> float:
-    """Return the least time of a state entered at `node`, s. On the ground it is zero for a
-    behavior that can also begin in the air, because it may be done at once."""
+    """Return the least time that the behavior of a state takes after it is entered at `node`, s. It
+    is zero on the ground if the behavior can also begin in the air, because it may be done at
+    once."""
     state = vehicle.states[node.state]
     if node.flight is GROUND and len({leg.start for leg in state.legs}) > 1:
         return 0.0
@@ -268,8 +269,8 @@ def _least_end(case: Case, vehicle: VehiclePlan, node: FlightNode) -> float:
 
 
 def blamed(case: Case, vehicle: VehiclePlan, state: StatePlan) -> Span:
-    """Return where the duration of a state is written: the parameter whose default would shorten it
-    most, if to less than half, or else the behavior's name."""
+    """Return where the duration of a state is written: the parameter that makes the state at least
+    twice as long as its default would, or else the behavior's name."""
     part, entries = state.behavior, entries_of(vehicle)[state.name].candidates()
     quickest = 0.5 * least_time(case, vehicle, state)
     span = part.span

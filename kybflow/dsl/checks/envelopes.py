@@ -42,8 +42,8 @@ class Reaches(NamedTuple):
 
 
 def reaches_of(case: Case) -> Callable[[str | None], Reaches]:
-    """Return a function that returns the bounds for the conditions of a vehicle, or of none
-    (None)."""
+    """Return a function from the name of a vehicle to the bounds that apply to its conditions. For
+    None, it returns those for conditions of no vehicle."""
     (found,) = case.cached(_reaches)
     return found
 
@@ -92,8 +92,8 @@ def _fast(vehicle: VehiclePlan) -> float:
 def _around(
     vehicle: VehiclePlan, fence: Box | None, room: Callable[[Vec3], tuple[float, ...]]
 ) -> Box:
-    """Return the box around the fence, with some room, and the start; everywhere if there is no
-    fence."""
+    """Return the box that contains the start and the fence with some room around it; everywhere if
+    there is no fence."""
     if fence is None:
         return EVERYWHERE
     x, y, z = room(fence.size)

@@ -91,8 +91,7 @@ _AGE, _USUAL = "estimate.age", 0.25
 
 
 def _aged(low: float, high: float) -> Bounds:
-    """Return bounds in which the estimate's age is in this range, and all other values are
-    unbounded."""
+    """Return bounds that limit only the estimate's age: from `low` to `high`."""
 
     def bounds(value: object) -> tuple[float, float]:
         return (low, high) if isinstance(value, Read) and value.name == _AGE else (-inf, inf)

@@ -114,8 +114,8 @@ def _vain(case: Case, known: KnownEvents, event: Text, own: str | None) -> Itera
 
 
 def not_in_the_air(case: Case) -> Iterator[Diagnostic]:
-    """KYB449: a behavior that stays in the air waits for its own vehicle to have landed, which only
-    happens after another behavior has landed it."""
+    """KYB449: a behavior that keeps its vehicle in the air waits for the vehicle to have landed.
+    Only another behavior can land it."""
     for vehicle, state in case.states():
         if any(leg.start is GROUND or leg.end is not AIR for leg in state.legs):
             continue
@@ -132,7 +132,7 @@ def not_in_the_air(case: Case) -> Iterator[Diagnostic]:
 
 
 def _lacks(case: Case, name: str, event: str) -> str:
-    """Return what a vehicle lacks to have an event, in words; empty if it lacks nothing."""
+    """Return in words what a vehicle lacks to have an event; empty if it lacks nothing."""
     vehicle = case.plan.fleet[name]
     if event not in AWAITED_EVENTS:
         return _silent(case, vehicle, event)
@@ -152,8 +152,8 @@ def _lacks(case: Case, name: str, event: str) -> str:
 
 
 def _silent(case: Case, vehicle: VehiclePlan, event: str) -> str:
-    """Return a message if none of the supervisors that emit an event has anything to watch,
-    otherwise an empty string."""
+    """Return a message if an event can't occur because none of the supervisors that emit it has
+    anything to watch; otherwise an empty string."""
     emitting = [part for part in vehicle.supervisors if event in part.cls.events]
     context = next(c for v, c in case.cached(contexts) if v is vehicle) if emitting else None
     if context is None or any(event in part.cls.can_emit(context) for part in emitting):

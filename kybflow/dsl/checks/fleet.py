@@ -88,8 +88,8 @@ def homes_in_one_place(case: Case) -> Iterator[Diagnostic]:
 
 
 class _Settled(NamedTuple):
-    """The state in which a vehicle ends up by itself. state: None if it rests for good. seen: every
-    state that it may have been in by then, including after failures."""
+    """Where a vehicle ends up by itself. state: the state in which it stays; None if it rests for
+    good. seen: every state that it may have been in by then, including after failures."""
 
     vehicle: VehiclePlan
     state: StatePlan | None
@@ -175,8 +175,7 @@ def _seen(vehicle: VehiclePlan, passed: Collection[StatePlan]) -> frozenset[str]
 
 
 def _is_stuck(case: Case, settled: dict[str, _Settled], name: str, waiting: set[str]) -> bool:
-    """Return whether no transition of a vehicle's state can be taken while the `waiting` vehicles
-    wait."""
+    """Return whether a vehicle stays in its state as long as the `waiting` vehicles wait."""
     own = settled[name].state
     assert own is not None
     scope = case.scopes.condition(name)
@@ -221,7 +220,7 @@ def _never_in(settled: dict[str, _Settled], waiting: set[str], name: str, state:
 
 
 def _resting(settled: dict[str, _Settled], waiting: set[str], name: str) -> _Settled | None:
-    """Return the named vehicle's final state if it stays there while the `waiting` vehicles wait;
+    """Return where the named vehicle ends up, if it stays there while the `waiting` vehicles wait;
     otherwise None."""
     other = settled.get(name)
     if other is None or name in waiting or other.state is None:

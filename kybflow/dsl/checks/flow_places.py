@@ -88,9 +88,9 @@ def _places(case: Case, flow: FlowPlan) -> dict[str, _Places]:
 def _places_after(
     case: Case, phase: PhasePlan, transition: TransitionPlan, places: _Places
 ) -> _Places:
-    """Return where vehicles may be after a transition of a phase. Vehicles without a request are
-    where they were before. Vehicles that the condition requires to be in a state that stays in
-    place are where that state is."""
+    """Return where each vehicle may be after a transition of a phase. A vehicle from which the
+    phase requests nothing stays where it was. If the condition of the transition requires a vehicle
+    to be in a state that stays in place, the vehicle is where that state ends."""
     plan = case.plan
     run = runs_of(case, phase)
     given = {asked.vehicle for asked in handovers(plan, phase)}
@@ -108,8 +108,8 @@ def _places_after(
 
 
 def _walked(vehicle: VehiclePlan, goal: str, point: Vec3) -> dict[str, set[Vec3]]:
-    """Return the positions at which the state `goal`, entered at `point`, and all states after it
-    are entered, as far as known."""
+    """Return the entry positions of the state `goal`, entered at `point`, and of all states that
+    follow it, as far as they are known."""
     walks: dict[tuple[str, Vec3], dict[str, set[Vec3]]] = vehicle.known.setdefault("walks", {})
     if (goal, point) in walks:
         return walks[goal, point]

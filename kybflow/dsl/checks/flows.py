@@ -193,7 +193,7 @@ def _cycle(flow: FlowPlan, name: str) -> list[str]:
 
 
 def _at_once(phase: PhasePlan | None) -> str | None:
-    """Return the phase that follows without waiting; None if the phase may wait."""
+    """Return the next phase if `phase` continues without waiting; None if it may wait."""
     for transition in phase.transitions if phase else ():
         if transition.after == 0.0 and transition.when is None and transition.event is None:
             return transition.target

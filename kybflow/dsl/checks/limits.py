@@ -111,7 +111,7 @@ def _lifts(airframe: Airframe, payload: float = 0.0) -> bool:
 
 
 def _for_steering(airframe: Airframe) -> str:
-    """Return the note about the weight that the rotors can carry."""
+    """Return a note on the largest weight that the rotors can carry."""
     most, carried = (
         format_quantity(float(f"{n:.3g}"), FORCE)
         for n in (airframe.max_thrust, airframe.max_thrust / _SPARE)

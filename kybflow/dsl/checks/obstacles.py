@@ -101,10 +101,10 @@ def lands_in_the_air(case: Case) -> Iterator[Diagnostic]:
 def flies_into(case: Case) -> Iterator[Diagnostic]:
     """KYB341: a behavior flies its vehicle into an obstacle, from an entry that is known to occur.
 
-    The path of the behavior, if known, must stay further from every obstacle than the length of the
-    vehicle's arm. This excludes an obstacle on which the vehicle stands before a take-off or after
-    a landing, and one that it is already too close to at entry. If a processor leads the vehicle
-    around obstacles, only the points of the path must be clear.
+    If the behavior's path is known, it must stay further from every obstacle than the length of the
+    vehicle's arm. Exempt are an obstacle on which the vehicle stands before a take-off or after a
+    landing, and one that is already too close where the behavior is entered. If a processor leads
+    the vehicle around obstacles, only the points of the path must be clear.
     """
     obstacles = _kept_from(case)
     for vehicle, state, entry, footprint in case.cached(footprints) if obstacles else ():
@@ -187,8 +187,8 @@ def _out_of_reach(
 
 
 def _keepers(case: Case) -> Mapping[str, Sequence[tuple[PartPlan, float]]]:
-    """Return, for each vehicle, the processors that always keep it away from obstacles, each with
-    its distance (m)."""
+    """Return for each vehicle its processors that always keep it away from obstacles, each with the
+    distance that it keeps, m."""
     switched = [*actions_of(case, "enable"), *actions_of(case, "disable")]
     names = [action.value for action in switched]
     names += [name.text for name, _ in sets_of(case)]
@@ -353,8 +353,9 @@ def _carries(shape: Shape, point: Vec3, vehicle: VehiclePlan) -> bool:
 
 
 def _top(shape: Shape, point: Vec3) -> tuple[float, float]:
-    """Return (height of the obstacle's level top, distance of the point from the top's edge,
-    positive inside, as seen from above); (inf, -inf) for an obstacle without a level top."""
+    """Return (height of the obstacle's level top, distance of the point from the top's edge as seen
+    from above). The distance is positive above the top. For an obstacle without a level top, return
+    (inf, -inf)."""
     x, y, _ = point
     match shape:
         case Box(low, high):

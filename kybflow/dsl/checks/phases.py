@@ -27,7 +27,7 @@ from kybflow.parts import AIR, GROUND, MOVING, Flight
 
 class _Holder(NamedTuple):
     """The flow that controls a vehicle. given: where another flow gave it the vehicle, or None.
-    is_sure: whether this is so along every path."""
+    is_sure: whether this flow controls the vehicle along every path."""
 
     flow: str
     given: Span | None = None
@@ -108,7 +108,7 @@ def _taken(
 
 
 def _holders(plan: Plan, flow: FlowPlan) -> dict[str, _Holders]:
-    """Return the holder of each vehicle on entry to each phase."""
+    """Return which flow controls each vehicle when a phase is entered, by phase."""
     own = _Holder(flow.name)
     entered: dict[str, _Holders] = {flow.begin: _first(plan, flow)}
     waiting = [flow.begin]
@@ -135,8 +135,9 @@ def _holders(plan: Plan, flow: FlowPlan) -> dict[str, _Holders]:
 
 
 def _first(plan: Plan, flow: FlowPlan) -> _Holders:
-    """Return the holder of each vehicle when the flow begins. A flow that waits for its vehicles is
-    certain to have those that every flow giving to it gives."""
+    """Return which flow controls each vehicle when `flow` begins. If a flow has no vehicles of its
+    own, it waits for them, and is certain to have a vehicle only if every flow that gives it
+    vehicles gives this one."""
     own, had = _Holder(flow.name), own_vehicles(plan, flow)
     givers = [
         (other.name, {w.vehicle for w in given})
@@ -152,8 +153,8 @@ def _first(plan: Plan, flow: FlowPlan) -> _Holders:
 
 
 def _merged(a: _Holder, b: _Holder) -> _Holder:
-    """Return the holder where two paths meet. If the two differ, the result is not sure; it is
-    preferably a holder that another flow gave the vehicle."""
+    """Return the holder where two paths meet. If the paths disagree, it is not sure, and a flow to
+    which the vehicle was given is preferred."""
     if a == b:
         return a
     return (a if a.given is not None else b).doubtful

@@ -125,8 +125,8 @@ def _failures(first: FlightNode, failing: dict[FlightNode, FlightEdge]) -> list[
 
 
 def _sound(case: Case) -> Iterator[tuple[VehiclePlan, FlightGraph]]:
-    """Yield the vehicles whose transitions all have valid targets, with their graphs. Nothing can
-    be proven for other vehicles."""
+    """Yield each vehicle whose transitions all have valid targets, with its graph. Nothing can be
+    proven about the others."""
     for vehicle in case.plan.vehicles:
         flights = flight_graph(case, vehicle)
         if not flights.broken and reached_states(vehicle) <= {*vehicle.states, *TARGETS}:
@@ -174,8 +174,8 @@ def _traps(
     stuck: AbstractSet[FlightNode],
     endless: AbstractSet[str],
 ) -> Iterator[list[str]]:
-    """Yield the states of each trap among the `stuck` nodes once: an endless state, or a cycle of
-    `then`, which ends with its first state again."""
+    """Yield the states of each trap once: a state among the `stuck` nodes that never ends, or a
+    cycle of `then`. A cycle ends with its first state again."""
     names = {node.state for node in stuck}
     thens = (link for link in flights.links if link.transition.cause == "then")
     ahead = {link.source.state: link.transition.target for link in thens}
@@ -201,8 +201,7 @@ def _along(name: str, ahead: dict[str, str], endless: AbstractSet[str]) -> list[
 
 
 def _told_path(vehicle: VehiclePlan, flights: FlightGraph, path: list[str]) -> str:
-    """Return the counter-example as text: the path from the first state into the trap and around
-    it."""
+    """Return the path into a trap and around it as text: the counter-example to the proof."""
     names = [*_way(vehicle.begin, path[0], flights)[:-1], *path]
     shown = "`" + "` → `".join(names) + "`"
     if path[-1] in path[:-1]:
@@ -212,8 +211,8 @@ def _told_path(vehicle: VehiclePlan, flights: FlightGraph, path: list[str]) -> s
 
 
 def _way(start: str, goal: str, flights: FlightGraph) -> list[str]:
-    """Return the shortest path along the transitions; only the goal if it is requested from
-    outside."""
+    """Return the shortest path from `start` to `goal` along the transitions; only `goal` if none
+    leads there, because it is requested from outside."""
     ahead: dict[str, list[str]] = {}
     for link in flights.links:
         ahead.setdefault(link.source.state, []).append(link.transition.target)

@@ -26,8 +26,8 @@ class FlightNode(NamedTuple):
 
 
 class FlightEdge(NamedTuple):
-    """A transition of the mission out of a node. flight: the vehicle's flight condition after
-    it."""
+    """A transition of the mission that leaves a node. flight: the vehicle's flight condition after
+    the transition."""
 
     source: FlightNode
     transition: TransitionPlan
@@ -89,8 +89,8 @@ def _links(state: StatePlan, node: FlightNode) -> Iterator[FlightEdge]:
 
 
 def may_end(transition: TransitionPlan, is_endless: bool) -> bool:
-    """Return whether a transition may be taken without a failure. is_endless: whether its behavior
-    has no end; only then `within` is no failure."""
+    """Return whether a flight without failures may take a transition. is_endless: whether the
+    behavior never ends by itself; only then a `within` is not a failure."""
     if transition.cause == "within":
         return is_endless
     return transition.cause == "next" or (transition.cause == "then" and not is_endless)
@@ -229,7 +229,8 @@ def endless_states(vehicle: VehiclePlan) -> frozenset[str]:
 
 
 def left_at(state: StatePlan, cause: Cause, entry: Vec3 | None) -> Vec3 | None:
-    """Return the position at which a transition for `cause` leaves the vehicle; None if unknown."""
+    """Return where the vehicle is when a transition for `cause` leaves the state; None if
+    unknown."""
     cls = state.behavior.cls
     if all(leg.start is GROUND and leg.end is GROUND for leg in cls.flight):
         return entry

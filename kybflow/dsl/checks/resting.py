@@ -89,8 +89,8 @@ def _rests(case: Case, vehicle: VehiclePlan) -> list[RestingPlace]:
 
 
 def _asked_last(case: Case, vehicle: VehiclePlan) -> frozenset[str]:
-    """Return the states that a flow may have requested last when it ends; empty if another flow or
-    a callback may request more."""
+    """Return the states that may be the last ones that the vehicle's flow requests; empty if
+    another flow or a callback may request more."""
     name, plan = vehicle.name, case.plan
     flows = [f for f in plan.flows if name in named_vehicles(plan, f)]
     if len(flows) != 1 or name in given_vehicles(plan, flows[0]) or case.cached(disturbances):
@@ -115,7 +115,7 @@ def _last_goals(case: Case, flow: FlowPlan, vehicle: VehiclePlan) -> Iterator[st
 
 
 def _rest(vehicle: VehiclePlan, state: StatePlan, entry: Vec3 | None) -> RestingPlace | None:
-    """Return where the vehicle rests after a behavior that nothing follows: below the end of its
+    """Return where the vehicle rests if nothing follows a behavior: below the end of the behavior's
     path. None if unknown."""
     footprint = state.footprint(entry)
     if footprint is None or footprint.exit is None:

@@ -97,7 +97,8 @@ def _axes(vehicle: VehiclePlan) -> list[float]:
 
 
 def _axis(attitude: Quat) -> float:
-    """Return the z component of the z axis of a camera or a tag."""
+    """Return the z component of the direction in which a camera or a tag with this attitude
+    faces."""
     return rotate(attitude, (0.0, 0.0, 1.0))[2]
 
 

@@ -81,7 +81,7 @@ def tags_that_overlap(case: Case) -> Iterator[Diagnostic]:
 
 
 def _floors(uses: tuple[Tags, ...]) -> Iterator[_Floor]:
-    """Yield each entry, without the tags that an earlier entry also has."""
+    """Yield each entry of `tags` without the tags that an earlier entry also has."""
     known: set[Key] = set()
     for use in uses:
         own = [tag for tag in use.tags if tag.key not in known]
@@ -155,7 +155,7 @@ def overlap(a: Tag, b: Tag) -> bool:
 
 
 def _half(size: float, axis: Vec3) -> float:
-    """Return half the extent along `axis` of an axis-aligned square."""
+    """Return how far a square with this side reaches from its centre along `axis`, m."""
     return 0.5 * size * (abs(axis[0]) + abs(axis[1]))
 
 

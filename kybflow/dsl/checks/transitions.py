@@ -91,7 +91,8 @@ def ends_that_do_not_meet(case: Case) -> Iterator[Diagnostic]:
 
 
 def _alternative(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> str:
-    """Return the next behavior in the file that fits, or else a built-in state that does."""
+    """Return the help line with the next behavior in the file that could follow, or else with a
+    built-in state that could; empty if there is none."""
     names = list(vehicle.states)
     behind = names[names.index(link.source.state) + 1 :] + names
     own = [n for n in behind if n != link.source.state]
@@ -135,8 +136,8 @@ def unreachable_states(case: Case) -> Iterator[Diagnostic]:
 
 
 def _way_in(case: Case, vehicle: VehiclePlan, name: str) -> str:
-    """Return the help line for a behavior that is not reached. Other vehicles that share it may
-    need it."""
+    """Return the help line for a behavior that is never reached. If only other vehicles that share
+    the behavior reach it, it should be written only for those."""
     own = vehicle.states.get(vehicle.goal(name))
     needing = [
         f"`{other.name}`"
@@ -179,8 +180,8 @@ def _open_ends(vehicle: VehiclePlan, reached: AbstractSet[str]) -> Iterator[str]
 
 
 def reached_states(vehicle: VehiclePlan, since: tuple[str, ...] = ()) -> set[str]:
-    """Return the states reached from those in `since`, or else from those where the vehicle begins
-    or that may be requested. They include unknown names."""
+    """Return the states that are reached from those in `since`, by default from the first state and
+    from those that may be requested. Names that the vehicle does not have are included."""
     waiting = list(since or (vehicle.begin, *vehicle.requested))
     reached = set(waiting)
     while waiting:

@@ -117,7 +117,7 @@ class Semantics:
         return points.get(name, ZERO)
 
     def payload(self, vehicle: str, token: Token) -> None:
-        """Report a read of the payload of a vehicle that has none."""
+        """Report an expression that reads the payload of a vehicle without one."""
         if vehicle in self._scope.vehicles and vehicle not in self._scope.carriers:
             hint = f"give `{vehicle}` one: `payload: {{mass: 200 g, size: 10 cm}}`"
             self.report("KYB211", token, f"`{vehicle}` carries no payload", "unknown", hint)
@@ -163,8 +163,8 @@ class Semantics:
             self.report_unknown(token, f"`{token.text}` is unknown", known)
 
     def compared(self, left: Operand, operator: ComparisonOperator, right: Operand) -> Condition:
-        """Return the comparison of two sides, and report them if they don't fit together. `behavior
-        == CHAIN` is true in every state of the chain."""
+        """Return the comparison of two sides; report them if they can't be compared. `behavior ==
+        CHAIN` holds in every state of the chain."""
         a, b = left.node, right.node
         if left.is_broken or right.is_broken:
             return Compare(operator, STAND_IN, STAND_IN)
@@ -239,8 +239,9 @@ class Semantics:
 
 
 def _fitting(name: str, known: Collection[str], other: Operand | None) -> Collection[str]:
-    """Return the names in `known` that continue `name` (such as `battery.remaining` for `battery`)
-    and have the dimension of the other side, if it is a quantity; all names if there are none."""
+    """Return the names in `known` that extend `name` (such as `battery.remaining` for `battery`).
+    If the other side of the comparison is a quantity, return only those of its dimension. If there
+    are none, return all of `known`."""
     members = [one for one in known if one.startswith(f"{name}.") and one in OBSERVABLES]
     if other is None or not is_quantity(other):
         return members or known

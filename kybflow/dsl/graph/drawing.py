@@ -140,8 +140,8 @@ def _reached(vehicle: VehiclePlan, askers: Requests) -> set[str]:
 
 
 def _drawn(state: StatePlan) -> list[TransitionPlan]:
-    """Return the transitions to draw: the mission's own, and the implied ones other than failures
-    and the ends of behaviors that never end."""
+    """Return the transitions to draw: the mission's own and the implied ones, except those for
+    failures and those for the end of a behavior that never ends by itself."""
     footprint = state.behavior.cls.footprint(state.behavior.params, None)
     is_endless = footprint is not None and footprint.is_endless
     return [
@@ -199,8 +199,8 @@ def _phase_text(phase: PhasePlan, groups: Groups) -> str:
 
 
 def _together(requests_to: Mapping[str, str], groups: Groups) -> Iterator[tuple[str, str]]:
-    """Yield for each goal the names of the vehicles that share it, or the name of their group, and
-    the goal."""
+    """Yield (vehicles, goal) for each goal. vehicles: the names of the vehicles that share the
+    goal, or the name of their group."""
     for goal in dict.fromkeys(requests_to.values()):
         names = tuple(name for name, own in requests_to.items() if own == goal)
         group = next((g for g, of in groups.items() if set(of) == set(names)), None)

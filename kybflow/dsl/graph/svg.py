@@ -32,8 +32,8 @@ class Size(NamedTuple):
 
 
 class EdgePath(NamedTuple):
-    """The course of one arrow. vertices: its vertices from the upper end to the lower. is_reversed:
-    whether the arrow points up."""
+    """The course of one arrow. vertices: the vertices that it passes, from its upper end to its
+    lower end. is_reversed: whether the arrow points up."""
 
     vertices: tuple[int, ...]
     is_reversed: bool
@@ -159,7 +159,7 @@ def _place(layout: Layout, above: Neighbours, below: Neighbours) -> None:
 
 def _apart(layout: Layout, layer: Sequence[int], wanted: Sequence[float]) -> list[float]:
     """Return the positions nearest to the wanted ones (least squares) that keep the order and the
-    gaps: isotonic regression of the positions after the gaps are subtracted."""
+    gaps. This is an isotonic regression of the positions from which the gaps are subtracted."""
     offsets = [0.0]
     for a, b in pairwise(layer):
         offsets.append(offsets[-1] + layout.sizes[a].right + GAP + layout.sizes[b].left)

@@ -30,8 +30,8 @@ _TWO = re.compile(r"(distance|separation)\(\s*([\w.$]+)\s*,\s*([\w.$]+)\s*\)")
 
 
 def no_commas(text: str) -> str:
-    """Return the hint for a comma in a condition: the call in `text` without the comma, or else
-    examples."""
+    """Return the hint for a comma in a condition: the function call in `text` written without the
+    comma, or else general examples."""
     call = _TWO.search(text)
     if call is None:
         return NO_COMMAS
@@ -148,7 +148,8 @@ def describe(node: Node) -> str:
 
 
 def shown_node(node: Node, most: int = 60) -> str:
-    """Return the kind of a node in words, and its text: `the number `7``, or `a list of 2`."""
+    """Return the kind of a node in words with its text or length, such as `the number `7`` or `a
+    list of 2`."""
     kind = describe(node)
     if isinstance(node, Sequence):
         size = len(node.items)

@@ -170,8 +170,8 @@ class _Composer:
         return Mapping(entries, self._span(event, inner))
 
     def _is_bare(self, key: Node, value: Scalar) -> TypeGuard[Scalar]:
-        """Return whether no colon follows a key, as after `5 m` in `{height: 1,5 m}`. Warn of a
-        colon without a value."""
+        """Return whether a key has no colon, such as `5 m` in `{height: 1,5 m}`. A colon without a
+        value only gets a warning."""
         if value.quoted or not isinstance(key, Scalar):
             return False
         line = self._lines[key.span.end_line - 1 : key.span.end_line]
@@ -297,9 +297,9 @@ _KEY = re.compile(r"""(["']?)(?:kybflow|mission|library)\1\s*:""")
 
 
 def mission_files(folder: Path) -> list[Path]:
-    """Return the YAML files in `folder` and its subfolders, sorted, that have a key of a mission or
-    library at the top level, including invalid ones. Hidden subfolders and run folders are
-    skipped."""
+    """Return the missions and libraries in `folder` and its subfolders, sorted: the YAML files with
+    a top-level key `kybflow`, `mission` or `library`, even if they are invalid. Hidden subfolders
+    and run folders are skipped."""
     found: list[Path] = []
     for where, folders, files in os.walk(folder):
         here = Path(where)
@@ -313,8 +313,8 @@ def mission_files(folder: Path) -> list[Path]:
 
 
 def _is_ours(path: Path) -> bool:
-    """Return whether the file contains such a key, or can't be read. The reader reports an
-    unreadable file."""
+    """Return whether a file has such a key at the top level, or can't be read: an unreadable file
+    is reported when it is opened."""
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             return True

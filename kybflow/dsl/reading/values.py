@@ -85,8 +85,8 @@ TYPES = (*QUANTITIES, "position", "integer", "text", "boolean")
 
 @functools.lru_cache(maxsize=256)
 def quantity_field(name: str, dimension: Dimension, shape: str = "scalar", **bounds: Any) -> Field:
-    """Return a required field that no record declares, such as a mission's parameter: numbers of
-    `dimension`, or an integer, text or boolean."""
+    """Return a required field for a value that no record declares, such as a mission's parameter.
+    shape: that of the numbers, or `integer`, `text` or `boolean`."""
     kind = _PLAIN.get(shape) or numbers(dimension, shape)
     return Field(name=name, type=kind, required=True, key=name, **bounds)
 
@@ -233,8 +233,8 @@ def _shown(value: float, dimension: Dimension | None) -> str:
 
 
 def origin(node: Scalar) -> tuple[str, ...]:
-    """Return the note with the value of the parameter that a scalar came from, unless the finding
-    is reported at that value."""
+    """Return a note with the value of the parameter that `node` stands for. Empty if there is no
+    parameter, or if the finding is reported at that value."""
     shown = node.parameter and node.span.value is None
     return (f"`${node.parameter}` is `{node.text}`",) if shown else ()
 
@@ -269,7 +269,7 @@ _PIECE = re.compile(r"[-+]?\d+\Z", re.ASCII)
 
 
 def _three_numbers(node: Node) -> str:
-    """Return the hint for three numbers that are not a list of three items: written without commas,
+    """Return the hint for three numbers that were not written as a list of three: without commas,
     or with decimal commas. Empty for anything else."""
     alone = node.items[0] if isinstance(node, Sequence) and len(node.items) == 1 else node
     if isinstance(alone, Scalar):
