@@ -15,9 +15,7 @@ import pytest
 from toolchain import result_of
 
 from kybflow.api.rehearsal.rehearse import rehearse
-from kybflow.dsl.compiler import check_mission
 from kybflow.dsl.diagnostics import Diagnostic
-from kybflow.parts.catalog import load_catalog
 
 ONE = """\
 kybflow: 1
@@ -235,16 +233,13 @@ def told(mistake: Mistake, folder: Path) -> tuple[list[Diagnostic], set[int]]:
     marked = mistake.marked.split("\n")
     lines = {n for n, line in enumerate(marked, 1) if "#!" in line}
     path = folder / "mission.yaml"
-    path.write_text("\n".join(line.replace("#!", "") for line in marked), encoding="utf-8")
-    found = check_mission(path, catalog=load_catalog()).diagnostics
+    found = result_of(path, "\n".join(line.replace("#!", "") for line in marked)).diagnostics
     return [d for d in found if d.span.file == str(path) and d.span.line in lines], lines
 
 
 @pytest.mark.parametrize("mission", [ONE, TWO])
 def test_without_a_mistake_nothing_is_told(mission: str, tmp_path: Path) -> None:
-    path = tmp_path / "mission.yaml"
-    path.write_text(mission, encoding="utf-8")
-    assert check_mission(path, catalog=load_catalog()).diagnostics == ()
+    assert result_of(tmp_path / "mission.yaml", mission).diagnostics == ()
 
 
 @pytest.mark.parametrize("mistake", TOLD, ids=lambda m: m.name)

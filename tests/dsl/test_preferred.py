@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from toolchain import compiled
-
-from kybflow.dsl.compiler import compile_mission
-from kybflow.parts.catalog import load_catalog
+from toolchain import compiled, result_of
 
 MISSION = """\
 kybflow: 1
@@ -50,7 +47,6 @@ def test_who_comes_first_in_which_state(tmp_path: Path) -> None:
 
 
 def test_an_unknown_one_of_a_chains_use_is_told_once(tmp_path: Path) -> None:
-    path = tmp_path / "m.yaml"
-    path.write_text(MISSION.replace("chain.hop, estimators: [mocap]", "chain.hop, estimators: [x]"))
-    result = compile_mission(path, catalog=load_catalog())
+    text = MISSION.replace("chain.hop, estimators: [mocap]", "chain.hop, estimators: [x]")
+    result = result_of(tmp_path / "m.yaml", text)
     assert [d.message for d in result.diagnostics] == ["`a` has no estimator `x`"]

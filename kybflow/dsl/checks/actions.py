@@ -16,7 +16,7 @@ from kybflow.dsl.reading.values import shown_value
 from kybflow.parts import Act
 
 _ROUNDING = 1e-6
-_TIGHTEN = "tighten its parameters with `set` instead"
+
 _TOO_MUCH = {"tilt": "tilt that far", "speed": "fly that fast", "climb": "climb that fast"}
 
 
@@ -116,26 +116,23 @@ def switched_off(case: Case) -> Iterator[Diagnostic]:
         vehicles = case.plan.members(first)
         if not vehicles:
             yield unknown_vehicle("KYB235", name, case.plan, end=len(first))
-        for vehicle in vehicles[:1] if rest.startswith("supervisors.") else vehicles:
-            finding = _not_switchable(case, vehicle, name, rest)
-            if finding is not None:
-                yield finding
-
-
-def _not_switchable(case: Case, vehicle: str, name: Text, rest: str) -> Diagnostic | None:
-    processors = {use.label: use for use in case.plan.fleet[vehicle].processors}
-    place = name.part(len(name.text) - len(rest), len(name.text))
-    if rest.startswith("supervisors."):
-        message = f"`{name.text}` can't be switched off or on: supervisors are always on"
-        return Diagnostic("KYB235", message, place, help=_TIGHTEN)
-    if rest not in processors:
-        message = f"`{vehicle}` has no processor `{rest}`"
-        hint = did_you_mean(rest, [p for p, use in processors.items() if not use.cls.safety])
-        return Diagnostic("KYB235", message, place, label="unknown", help=hint)
-    if processors[rest].cls.safety:
-        message = f"`{name.text}` can't be switched off or on: it keeps the vehicle safe"
-        return Diagnostic("KYB235", message, place, help=_TIGHTEN)
-    return None
+        place = name.part(len(name.text) - len(rest), len(name.text))
+        is_supervisor = rest.startswith("supervisors.")
+        for vehicle in vehicles[:1] if is_supervisor else vehicles:
+            processors = {use.label: use for use in case.plan.fleet[vehicle].processors}
+            why, hint = "it keeps the vehicle safe", "tighten its parameters with `set` instead"
+            if is_supervisor:
+                why = "supervisors are always on"
+            elif rest not in processors:
+                message = f"`{vehicle}` has no processor `{rest}`"
+                known = [p for p, use in processors.items() if not use.cls.safety]
+                hint = did_you_mean(rest, known)
+                yield Diagnostic("KYB235", message, place, label="unknown", help=hint)
+                continue
+            elif not processors[rest].cls.safety:
+                continue
+            message = f"`{name.text}` can't be switched off or on: {why}"
+            yield Diagnostic("KYB235", message, place, help=hint)
 
 
 def unknown_acts(case: Case) -> Iterator[Diagnostic]:

@@ -26,15 +26,7 @@ from kybflow.dsl.checks.durations import (
 from kybflow.dsl.checks.reachability import FlightNode, endless_states, entries_of, flight_graph
 from kybflow.dsl.checks.space import the_time_limit
 from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
-from kybflow.dsl.expressions import (
-    Eventually,
-    Expression,
-    Finally,
-    Finished,
-    GroupInState,
-    InState,
-    parse,
-)
+from kybflow.dsl.expressions import parse, tree
 from kybflow.dsl.names.built_in import end_of
 from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
@@ -301,16 +293,18 @@ def expected_too_soon(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _too_slow(case: Case, expectation: Expression | None) -> Way | None:
+def _too_slow(case: Case, expectation: tree.Expression | None) -> Way | None:
     """Return the quickest path to the state that an expectation waits for, if it takes too long."""
     match expectation:
-        case Finished(limit):
+        case tree.Finished(limit):
             found = [_way_to_rest(case, vehicle, limit) for vehicle in case.cached(_left_alone)]
             found += [way for _, way in case.cached(flow_ways) if exceeds(way.seconds, limit)]
             is_enough = True
-        case Eventually(InState(name, state), limit) if limit is not None:
+        case tree.Eventually(tree.InState(name, state), limit) if limit is not None:
             found, is_enough = [_way_into(case, name, state, limit)], True
-        case Eventually(GroupInState(quantifier, _, names, state), limit) if limit is not None:
+        case tree.Eventually(tree.GroupInState(quantifier, _, names, state), limit) if (
+            limit is not None
+        ):
             found = [_way_into(case, name, state, limit) for name in names]
             is_enough = quantifier == "all"
         case _:
@@ -352,9 +346,9 @@ def _left_alone(case: Case) -> Iterator[VehiclePlan]:
     broken = {fault.vehicle for fault in case.plan.faults}
     for text in case.plan.texts_of("expect") if broken else ():
         match parse(text, case.scopes.expectation())[0]:
-            case Finally(InState(name, "landed")):
+            case tree.Finally(tree.InState(name, "landed")):
                 broken.discard(name)
-            case Finally(GroupInState("all", _, names, "landed")):
+            case tree.Finally(tree.GroupInState("all", _, names, "landed")):
                 broken -= set(names)
     for vehicle in () if case.cached(disturbances) else case.plan.vehicles:
         if not vehicle.requested and vehicle.name not in broken:

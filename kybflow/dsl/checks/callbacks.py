@@ -299,17 +299,14 @@ def _back(first: int, ways: dict[int, list[_Way]]) -> list[int]:
     came: dict[int, int] = {}
     waiting = [first]
     for index in waiting:
-        for way in ways.get(index, ()):
-            if way.to == first:
-                return _path(first, index, came)
-            if way.to not in came:
-                came[way.to] = index
-                waiting.append(way.to)
-    return []
-
-
-def _path(first: int, last: int, came: dict[int, int]) -> list[int]:
-    path = [last]
-    while path[-1] != first:
+        targets = [way.to for way in ways.get(index, ())]
+        for target in targets:
+            if target not in came:
+                came[target] = index
+                waiting.append(target)
+        if first in targets:
+            break
+    path = [came[first]] if first in came else []
+    while path and path[-1] != first:
         path.append(came[path[-1]])
     return path[::-1]

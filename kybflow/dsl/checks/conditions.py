@@ -14,20 +14,7 @@ from kybflow.dsl.checks.case import Case, transitions_of
 from kybflow.dsl.checks.space import the_time_limit
 from kybflow.dsl.checks.transitions import reached_states
 from kybflow.dsl.diagnostics import Diagnostic, Text
-from kybflow.dsl.expressions import (
-    Always,
-    Compare,
-    Condition,
-    Eventually,
-    Finally,
-    GroupInState,
-    InState,
-    Read,
-    Scope,
-    Word,
-    parse,
-)
-from kybflow.dsl.expressions.tree import Aggregate
+from kybflow.dsl.expressions import Scope, parse, tree
 from kybflow.dsl.language.source import Record
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts.observables import chains_of
@@ -74,7 +61,7 @@ class TypedCondition(NamedTuple):
     `expect`."""
 
     text: Text
-    condition: Condition
+    condition: tree.Condition
     own: str | None
     key: str
 
@@ -148,9 +135,9 @@ def expected_conditions(case: Case) -> Iterator[TypedCondition]:
     """Yield the condition of every expectation, without its `always`, `eventually` or `finally`."""
     for text in case.plan.texts_of("expect"):
         match parse(text, case.scopes.expectation())[0]:
-            case Always(condition) | Eventually(condition) | Finally(condition):
+            case tree.Always(condition) | tree.Eventually(condition) | tree.Finally(condition):
                 yield TypedCondition(text, condition, None, "expect")
-            case Compare(left=Aggregate()) as condition:
+            case tree.Compare(left=tree.Aggregate()) as condition:
                 yield TypedCondition(text, condition, None, "expect")
 
 
@@ -190,18 +177,18 @@ def _never(vehicle: VehiclePlan) -> frozenset[str]:
     return frozenset(known - entered)
 
 
-def named_states(condition: Condition, own: str | None) -> Iterator[tuple[str, str]]:
+def named_states(condition: tree.Condition, own: str | None) -> Iterator[tuple[str, str]]:
     """Yield (vehicle, state) for each state that a condition names. own: the vehicle that the
     condition belongs to."""
     for node in nodes(condition):
         match node:
-            case InState(vehicle, state):
+            case tree.InState(vehicle, state):
                 yield vehicle, state
-            case GroupInState(_, _, vehicles, state):
+            case tree.GroupInState(_, _, vehicles, state):
                 yield from ((vehicle, state) for vehicle in vehicles)
-            case Aggregate(_, _, str(vehicle), str(state)):
+            case tree.Aggregate(_, _, str(vehicle), str(state)):
                 yield vehicle, state
-            case Compare(_, Read(vehicle, "behavior"), Word(state)):
+            case tree.Compare(_, tree.Read(vehicle, "behavior"), tree.Word(state)):
                 yield vehicle or own or "", state
 
 
@@ -218,7 +205,7 @@ def not_measured(case: Case) -> Iterator[Diagnostic]:
         if not is_blind and _STICKS not in typed.text.text:
             continue
         for node in nodes(typed.condition):
-            if not isinstance(node, Read):
+            if not isinstance(node, tree.Read):
                 continue
             vehicle = case.plan.fleet.get(node.vehicle or typed.own or "")
             if vehicle is not None and (lacking := _lacking(case, vehicle, node.name)):

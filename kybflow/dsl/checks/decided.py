@@ -17,24 +17,7 @@ from kybflow.dsl.checks.envelopes import reaches_of
 from kybflow.dsl.checks.flows import phases
 from kybflow.dsl.diagnostics import Diagnostic, Severity, Span, Text
 from kybflow.dsl.expanding.entry_values import written
-from kybflow.dsl.expressions import (
-    Aggregate,
-    Always,
-    And,
-    Compare,
-    Distance,
-    Eventually,
-    Expression,
-    Finally,
-    Finished,
-    InState,
-    Not,
-    Quantity,
-    Read,
-    Separation,
-    Word,
-    parse,
-)
+from kybflow.dsl.expressions import parse, tree
 from kybflow.dsl.expressions.reasoning import (
     Bounds,
     always_holds,
@@ -105,16 +88,19 @@ def _asked_in(
     longest = inf if transition.since or is_other else longest_time(vehicle, state)
     if condition is None:
         return _Asked(text, None)
-    here = (InState(own, where), Compare("==", Read(None, "behavior"), Word(where)))
+    here = (
+        tree.InState(own, where),
+        tree.Compare("==", tree.Read(None, "behavior"), tree.Word(where)),
+    )
     bounds = _within(own, longest, reaches_of(case)(own).usual)
     why = f"evaluated in `{where}`, and a vehicle is in one state at a time"
     hint = "test another vehicle's state or an event, or remove this transition"
     if longest < inf and "elapsed" in text.text:
         why = f"`{where}` has ended by then: it lasts at most {quantity(longest, DURATION)}"
         hint = "shorten the time, or let the behavior last longer"
-    if never_holds(And((condition, *here)), bounds):
+    if never_holds(tree.And((condition, *here)), bounds):
         return _Asked(text, False, why, hint)
-    always = never_holds(And((Not(condition), *here)), bounds)
+    always = never_holds(tree.And((tree.Not(condition), *here)), bounds)
     return _Asked(text, True if always else None, why)
 
 
@@ -128,7 +114,7 @@ def _within(own: str, longest: float, usual: Bounds) -> Bounds:
 
     def bounds(value: object) -> tuple[float, float]:
         match value:
-            case Read(who, "elapsed") if who in (None, own):
+            case tree.Read(who, "elapsed") if who in (None, own):
                 return 0.0, min(longest, usual(value)[1])
         return usual(value)
 
@@ -181,9 +167,9 @@ def never_true(case: Case) -> Iterator[Diagnostic]:
         if not found.holds and found.is_certain:
             hint = "correct the bound"
             match found.typed.condition:
-                case And():
+                case tree.And():
                     hint += ", or write `or` where both can't hold at once"
-                case Compare(_, Aggregate("min" | "max", inner, _, None)):
+                case tree.Compare(_, tree.Aggregate("min" | "max", inner, _, None)):
                     shown = shown_value(inner)
                     hint += f", or check one state, such as `min({shown} in hold)`"
                 case _ if found.typed.key == "healthy":
@@ -213,7 +199,7 @@ def always_true(case: Case) -> Iterator[Diagnostic]:
             label = _ALWAYS[found.typed.key]
             told = _told(case, found, "KYB254", "always holds", label, hint)
             asked = nodes(found.typed.condition)
-            of_a_state = any(isinstance(node, Aggregate) and node.state for node in asked)
+            of_a_state = any(isinstance(node, tree.Aggregate) and node.state for node in asked)
             is_empty = found.typed.key == "expect" and not of_a_state
             yield told if is_empty else replace(told, severity=Severity.WARNING)
 
@@ -260,10 +246,10 @@ def _limits(case: Case, found: _Decided) -> Iterator[str]:
     is_known = always_holds if found.holds else never_holds
     for node in nodes(found.typed.condition):
         match node:
-            case Compare(
+            case tree.Compare(
                 operator,
-                (Read() | Distance() | Separation() | Aggregate()) as value,
-                Quantity(_, unit),
+                (tree.Read() | tree.Distance() | tree.Separation() | tree.Aggregate()) as value,
+                tree.Quantity(_, unit),
             ) if is_known(node, bounds):
                 is_high = (operator in (">", ">=")) is not found.holds
                 if is_known(node, nature):
@@ -277,18 +263,18 @@ def _limits(case: Case, found: _Decided) -> Iterator[str]:
 
 
 def _limited_by(
-    value: Value | Aggregate, dimension: Dimension, is_high: bool, usual: Bounds
+    value: Value | tree.Aggregate, dimension: Dimension, is_high: bool, usual: Bounds
 ) -> str:
     """Return what limits a value to the bounds `usual`, to be read after `because`. is_high:
     whether the upper limit is meant."""
-    if isinstance(value, Aggregate):
+    if isinstance(value, tree.Aggregate):
         if usual(value)[is_high] != usual(value.value)[is_high] and value.function != "rms":
             return "every vehicle begins at its start"
         value = value.value
     match value:
-        case Read(_, "estimate.age"):
+        case tree.Read(_, "estimate.age"):
             return "no vehicle flies on an older estimate"
-        case Read(_, "estimate.spread") if not is_high:
+        case tree.Read(_, "estimate.spread") if not is_high:
             return "no estimate is more certain"
     if dimension is DURATION:
         return "the run ends at its `time_limit`"
@@ -299,7 +285,7 @@ def false_at_first(case: Case) -> Iterator[Diagnostic]:
     """KYB412: an `always` is false in the first tick, when the vehicles are at their starts, so it
     fails in every flight."""
     for text, expression in _expected(case):
-        if not isinstance(expression, Always):
+        if not isinstance(expression, tree.Always):
             continue
         usual, _, at_first = reaches_of(case)(None)
         condition = expression.condition
@@ -317,7 +303,7 @@ def true_at_first(case: Case) -> Iterator[Diagnostic]:
     """KYB413: an `eventually` is true in the first tick, when the vehicles are at their starts, so
     it checks nothing of the flight (a warning)."""
     for text, expression in _expected(case):
-        if not isinstance(expression, Eventually):
+        if not isinstance(expression, tree.Eventually):
             continue
         usual, _, at_first = reaches_of(case)(None)
         condition = expression.condition
@@ -332,7 +318,7 @@ def true_at_first(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _expected(case: Case) -> Iterator[tuple[Text, Expression]]:
+def _expected(case: Case) -> Iterator[tuple[Text, tree.Expression]]:
     """Yield every expectation that can be parsed."""
     for text in case.plan.texts_of("expect"):
         expression = parse(text, case.scopes.expectation())[0]
@@ -344,16 +330,16 @@ def ends_in_the_air(case: Case) -> Iterator[Diagnostic]:
     """KYB425: a `finally` has the same result in every flight, because a run ends only when all
     vehicles are on the ground: none is then in a state that it flies in the air."""
     for text, expression in _expected(case):
-        if isinstance(expression, Finally):
+        if isinstance(expression, tree.Finally):
             condition = expression.condition
             aloft = tuple(
-                Not(InState(vehicle, state))
+                tree.Not(tree.InState(vehicle, state))
                 for vehicle, state in named_states(condition, None)
                 if (legs := case.legs(case.plan.fleet[vehicle], state))
                 and all(leg.end is AIR for leg in legs)
             )
-            is_false = bool(aloft) and never_holds(And((condition, *aloft)), _unknown)
-            is_true = bool(aloft) and never_holds(And((Not(condition), *aloft)), _unknown)
+            is_false = bool(aloft) and never_holds(tree.And((condition, *aloft)), _unknown)
+            is_true = bool(aloft) and never_holds(tree.And((tree.Not(condition), *aloft)), _unknown)
             if is_false or is_true:
                 yield Diagnostic(
                     "KYB425",
@@ -374,7 +360,9 @@ def longer_than_the_run(case: Case) -> Iterator[Diagnostic]:
     limit = case.plan.time_limit
     for text, expression in _expected(case):
         match expression:
-            case Eventually(_, within) | Finished(within) if within is not None and within > limit:
+            case tree.Eventually(_, within) | tree.Finished(within) if (
+                within is not None and within > limit
+            ):
                 yield Diagnostic(
                     "KYB414",
                     f"`{text.as_written}` allows more time than the run has",

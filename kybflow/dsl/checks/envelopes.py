@@ -53,7 +53,10 @@ def _reaches(case: Case) -> list[Callable[[str | None], Reaches]]:
     kinds = (
         {name: _usual(vehicle, fence) for name, vehicle in vehicles},
         {name: _certain(vehicle, fence) for name, vehicle in vehicles},
-        {name: _at_first(vehicle) for name, vehicle in vehicles},
+        {
+            name: Envelope(v.start, *Box(v.start, v.start).grown(_PLACED), _STANDS, _LEVEL)
+            for name, v in vehicles
+        },
     )
     made: dict[str | None, Reaches] = {}
 
@@ -103,8 +106,3 @@ def _around(
         (min(a, start[0]), min(b, start[1]), min(c, start[2])),
         (max(d, start[0]), max(e, start[1]), max(f, start[2])),
     )
-
-
-def _at_first(vehicle: VehiclePlan) -> Envelope:
-    low, high = Box(vehicle.start, vehicle.start).grown(_PLACED)
-    return Envelope(vehicle.start, low, high, _STANDS, _LEVEL)

@@ -197,7 +197,14 @@ class KnownEvents:
 
     def __init__(self, case: Case) -> None:
         self._plan = case.plan
-        self.of = {v.name: _emitted_by(v, case) for v in case.plan.vehicles}
+        always = [case.catalog.get("behaviors", name).cls for name in BUILT_IN.values()]
+        self.of = dict[str, frozenset[str]]()
+        for vehicle in case.plan.vehicles:
+            parts = [*vehicle.processors, *vehicle.supervisors, vehicle.tracker, vehicle.driver]
+            parts += [estimator.part for estimator in vehicle.estimators]
+            parts += [state.behavior for state in vehicle.states.values()]
+            classes = [*always, *(part.cls for part in parts)]
+            self.of[vehicle.name] = VEHICLE_EVENTS.union(*(cls.events for cls in classes))
 
     @cached_property
     def custom(self) -> frozenset[str]:
@@ -273,13 +280,3 @@ def emitted_by_transitions(plan: Plan) -> list[Text]:
     """Return the events that transitions of states and phases emit."""
     names = (transition.text_of("emit") for transition in transitions_of(plan))
     return [name for name in names if name is not None and name.text]
-
-
-def _emitted_by(vehicle: VehiclePlan, case: Case) -> frozenset[str]:
-    """Return the events of a vehicle, by their bare names."""
-    parts = [*vehicle.processors, *vehicle.supervisors, vehicle.tracker, vehicle.driver]
-    parts += [estimator.part for estimator in vehicle.estimators]
-    parts += [state.behavior for state in vehicle.states.values()]
-    classes = [part.cls for part in parts]
-    classes += [case.catalog.get("behaviors", name).cls for name in BUILT_IN.values()]
-    return VEHICLE_EVENTS.union(*(cls.events for cls in classes))

@@ -13,17 +13,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.reachability import endless_states
 from kybflow.dsl.checks.space import shown_point
 from kybflow.dsl.diagnostics import Diagnostic, Severity
-from kybflow.dsl.expressions import (
-    And,
-    Compare,
-    Condition,
-    GroupInState,
-    InState,
-    Or,
-    Quantity,
-    Read,
-    Word,
-)
+from kybflow.dsl.expressions import tree
 from kybflow.dsl.names.built_in import BUILT_IN, end_of
 from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.parts import AIR, Claim
@@ -188,23 +178,25 @@ def _is_stuck(case: Case, settled: dict[str, _Settled], name: str, waiting: set[
     return True
 
 
-def _is_barred(when: Condition, settled: dict[str, _Settled], waiting: set[str]) -> bool:
+def _is_barred(when: tree.Condition, settled: dict[str, _Settled], waiting: set[str]) -> bool:
     """Return whether a condition can't become true while the vehicles stay in the states in which
     they ended up."""
     match when:
-        case And(parts):
+        case tree.And(parts):
             return any(_is_barred(part, settled, waiting) for part in parts)
-        case Or(parts):
+        case tree.Or(parts):
             return all(_is_barred(part, settled, waiting) for part in parts)
-        case GroupInState("all", _, vehicles, state):
+        case tree.GroupInState("all", _, vehicles, state):
             return any(_never_in(settled, waiting, v, state) for v in vehicles)
-        case GroupInState("any", _, vehicles, state):
+        case tree.GroupInState("any", _, vehicles, state):
             return all(_never_in(settled, waiting, v, state) for v in vehicles)
-        case InState(vehicle, state):
+        case tree.InState(vehicle, state):
             return _never_in(settled, waiting, vehicle, state)
-        case Compare("==", Read(vehicle, "behavior"), Word(state)) if vehicle is not None:
+        case tree.Compare("==", tree.Read(vehicle, "behavior"), tree.Word(state)) if (
+            vehicle is not None
+        ):
             return _never_in(settled, waiting, vehicle, state)
-        case Compare(">" | ">=", Read(vehicle, "state.altitude"), Quantity(height)):
+        case tree.Compare(">" | ">=", tree.Read(vehicle, "state.altitude"), tree.Quantity(height)):
             other = None if vehicle is None else _resting(settled, waiting, vehicle)
             return other is not None and other.is_grounded and height > other.vehicle.start[2] + _UP
     return False
@@ -235,14 +227,14 @@ def _awaited(case: Case, name: str, state: StatePlan) -> set[str]:
     return {v for when in conditions if when is not None for v in _named(when)} - {name}
 
 
-def _named(when: Condition) -> Iterator[str]:
+def _named(when: tree.Condition) -> Iterator[str]:
     match when:
-        case And(parts) | Or(parts):
+        case tree.And(parts) | tree.Or(parts):
             for part in parts:
                 yield from _named(part)
-        case GroupInState(_, _, vehicles, _):
+        case tree.GroupInState(_, _, vehicles, _):
             yield from vehicles
-        case InState(vehicle, _):
+        case tree.InState(vehicle, _):
             yield vehicle
-        case Compare(_, Read(vehicle), _) if vehicle is not None:
+        case tree.Compare(_, tree.Read(vehicle), _) if vehicle is not None:
             yield vehicle

@@ -202,28 +202,20 @@ def _along(name: str, ahead: dict[str, str], endless: AbstractSet[str]) -> list[
 
 def _told_path(vehicle: VehiclePlan, flights: FlightGraph, path: list[str]) -> str:
     """Return the path into a trap and around it as text: the counter-example to the proof."""
-    names = [*_way(vehicle.begin, path[0], flights)[:-1], *path]
-    shown = "`" + "` → `".join(names) + "`"
-    if path[-1] in path[:-1]:
-        return f"{shown} → ..."
-    part = vehicle.states[path[-1]].behavior.name
-    return f"{shown} ({part}) never ends by itself"
-
-
-def _way(start: str, goal: str, flights: FlightGraph) -> list[str]:
-    """Return the shortest path from `start` to `goal` along the transitions; only `goal` if none
-    leads there, because it is requested from outside."""
     ahead: dict[str, list[str]] = {}
     for link in flights.links:
         ahead.setdefault(link.source.state, []).append(link.transition.target)
-    came: dict[str, str] = {start: ""}
-    waiting = [start]
+    came, waiting = {vehicle.begin: ""}, [vehicle.begin]
     for state in waiting:
         for target in ahead.get(state, ()):
             if target not in came:
                 came[target] = state
                 waiting.append(target)
-    way = [goal] if goal in came else ["", goal]
-    while came.get(way[0]):
-        way.insert(0, came[way[0]])
-    return [state for state in way if state]
+    names = list(path)  # nothing leads to a first state that a callback or a flow requests
+    while before := came.get(names[0]):
+        names.insert(0, before)
+    shown = "`" + "` → `".join(names) + "`"
+    if path[-1] in path[:-1]:
+        return f"{shown} → ..."
+    part = vehicle.states[path[-1]].behavior.name
+    return f"{shown} ({part}) never ends by itself"

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
+from kybflow.core import units
 from kybflow.core.errors import UnitError
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.text import did_you_mean
@@ -245,17 +246,8 @@ def _fitting(name: str, known: Collection[str], other: Operand | None) -> Collec
     members = [one for one in known if one.startswith(f"{name}.") and one in OBSERVABLES]
     if other is None or not is_quantity(other):
         return members or known
-    return [one for one in members if _can_be(other.source, OBSERVABLES[one].dimension)] or known
-
-
-def _can_be(source: str, dimension: Dimension | None) -> bool:
-    if dimension is None:
-        return False
-    try:
-        parse_quantity(source, dimension)
-    except UnitError:
-        return False
-    return True
+    dimensions = {one: OBSERVABLES[one].dimension for one in members}
+    return [o for o, d in dimensions.items() if d and units.is_quantity(other.source, d)] or known
 
 
 def is_quantity(side: Operand) -> bool:

@@ -16,7 +16,6 @@ from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.plan import (
     END,
     FlowPlan,
-    PhasePlan,
     Plan,
     StatePlan,
     Switch,
@@ -177,25 +176,22 @@ def cause_of(transition: TransitionPlan) -> str:
 def _flow(flow: FlowPlan, groups: Groups) -> Drawing:
     """Return the drawing of a flow: its phases, and `end` if a transition leads there."""
     labels: dict[tuple[str, str], list[str]] = {}
+    boxes: list[StateBox] = []
     for phase in flow.phases.values():
+        asked = {name: request.chain or request.state for name, request in phase.run.items()}
+        texts = [f"{names}: {state}" for names, state in _together(asked, groups)]
+        texts += [f"arrive {phase.arrive}"] if phase.arrive else []
+        texts += [f"{names} to {goal}" for names, goal in _together(phase.give, groups)]
+        boxes.append(StateBox(phase.name, " · ".join(texts) or "asks nothing", "", False))
         for transition in phase.transitions:
             labels.setdefault((phase.name, transition.target), []).append(cause_of(transition))
         if phase.ends or not phase.transitions:
             labels.setdefault((phase.name, END), []).append("done")
-    boxes = [StateBox(p.name, _phase_text(p, groups), "", False) for p in flow.phases.values()]
+
     if any(target == END for _, target in labels):
         boxes.append(StateBox(END, "the flow is over", "", True))
     edges = tuple(Edge(*ends, tuple(text), False) for ends, text in labels.items())
     return Drawing(f"flow {flow.name}", flow.begin, tuple(boxes), edges)
-
-
-def _phase_text(phase: PhasePlan, groups: Groups) -> str:
-    """Return what a phase requests, as the second line of its box."""
-    asked = {name: request.chain or request.state for name, request in phase.run.items()}
-    texts = [f"{names}: {state}" for names, state in _together(asked, groups)]
-    texts += [f"arrive {phase.arrive}"] if phase.arrive else []
-    texts += [f"{names} to {flow}" for names, flow in _together(phase.give, groups)]
-    return " · ".join(texts) or "asks nothing"
 
 
 def _together(requests_to: Mapping[str, str], groups: Groups) -> Iterator[tuple[str, str]]:
