@@ -10,13 +10,7 @@ from typing import Any, NamedTuple
 
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.params import Field, fields_of, fields_with
-from kybflow.core.units import (
-    ACCELERATION,
-    ANGLE,
-    DURATION,
-    LENGTH,
-    SPEED,
-)
+from kybflow.core.units import ACCELERATION, ANGLE, DURATION, LENGTH, SPEED
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.limits import LIMITS
 from kybflow.dsl.checks.space import footprints

@@ -18,12 +18,7 @@ from kybflow.dsl.checks.flows import phases
 from kybflow.dsl.diagnostics import Diagnostic, Severity, Span, Text
 from kybflow.dsl.expanding.entry_values import written
 from kybflow.dsl.expressions import parse, tree
-from kybflow.dsl.expressions.reasoning import (
-    Bounds,
-    always_holds,
-    never_holds,
-    physical_bounds,
-)
+from kybflow.dsl.expressions.reasoning import Bounds, always_holds, never_holds, physical_bounds
 from kybflow.dsl.expressions.tree import Value, quantity, shown_value
 from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR

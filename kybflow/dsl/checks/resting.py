@@ -11,12 +11,7 @@ from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.durations import disturbances
 from kybflow.dsl.checks.flows import runs_of
-from kybflow.dsl.checks.reachability import (
-    endless_states,
-    entries_after,
-    entries_of,
-    may_end,
-)
+from kybflow.dsl.checks.reachability import endless_states, entries_after, entries_of, may_end
 from kybflow.dsl.checks.space import aim_of, shown_point
 from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 from kybflow.dsl.expanding.flows import given_vehicles, named_vehicles

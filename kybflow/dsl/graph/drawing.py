@@ -13,15 +13,7 @@ from typing import NamedTuple
 from kybflow.core.units import DURATION
 from kybflow.dsl.expressions import describe
 from kybflow.dsl.expressions.tree import quantity
-from kybflow.dsl.plan import (
-    END,
-    FlowPlan,
-    Plan,
-    StatePlan,
-    Switch,
-    TransitionPlan,
-    VehiclePlan,
-)
+from kybflow.dsl.plan import END, FlowPlan, Plan, StatePlan, Switch, TransitionPlan, VehiclePlan
 
 
 class StateBox(NamedTuple):
