@@ -89,7 +89,7 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
                 continue
             usual, size = quantity(_usual(field), LENGTH), quantity(extent, LENGTH)
             what = f"`{field.name}` of {quantity(value, LENGTH)}"
-            message = f"{what} leaves `{part.alias}` no room to fly inside the fence"
+            message = f"{what} leaves no room to fly inside the fence"
             note = f"that is more than half of the fence's longest side, {size}"
             if is_height:
                 message, note = f"{what} is higher than the fence", f"the fence is {size} high"

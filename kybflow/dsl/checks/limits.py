@@ -157,14 +157,14 @@ def implausible(case: Case) -> Iterator[Diagnostic]:
     """
     for doubt in case.cached(_implausible):
         if doubt.found.is_certain:
-            yield _doubted("KYB420", "is impossible", doubt)
+            yield _doubted("KYB420", "is impossible", "plausible", doubt)
 
 
 def unusual(case: Case) -> Iterator[Diagnostic]:
     """KYB421: the numbers of an airframe or a payload are unusual for a quadrotor (a warning)."""
     for doubt in case.cached(_implausible):
         if not doubt.found.is_certain:
-            told = _doubted("KYB421", "is unusual", doubt)
+            told = _doubted("KYB421", "is unusual", "usual", doubt)
             yield replace(told, severity=Severity.WARNING)
 
 
@@ -191,12 +191,12 @@ def _implausible(case: Case) -> Iterator[_Doubt]:
                 yield _Doubt(f"the payload of `{vehicle.name}`", found, span)
 
 
-def _doubted(code: str, what: str, doubt: _Doubt) -> Diagnostic:
+def _doubted(code: str, what: str, better: str, doubt: _Doubt) -> Diagnostic:
     return Diagnostic(
         code,
         f"{doubt.name} {what}: {doubt.found.found}",
         doubt.span,
-        notes=(f"plausible: {doubt.found.usual}",),
+        notes=(f"{better}: {doubt.found.usual}",),
         help="check the number and its unit",
     )
 
