@@ -184,20 +184,21 @@ def _cycle(flow: FlowPlan, name: str) -> list[str]:
     """Return the phases that follow `name` without waiting and lead back to it; empty if they
     don't."""
     path = [name]
-    while (ahead := _at_once(flow.phases.get(path[-1]))) not in (None, name):
-        assert ahead is not None
-        if ahead in path:
+    while True:
+        phase = flow.phases.get(path[-1])
+        ahead = next(
+            (
+                transition.target
+                for transition in (phase.transitions if phase else ())
+                if transition.after == 0.0 and transition.when is None and transition.event is None
+            ),
+            None,
+        )
+        if ahead == name:
+            return path
+        if ahead is None or ahead in path:
             return []
         path.append(ahead)
-    return path if ahead == name else []
-
-
-def _at_once(phase: PhasePlan | None) -> str | None:
-    """Return the next phase if `phase` continues without waiting; None if it may wait."""
-    for transition in phase.transitions if phase else ():
-        if transition.after == 0.0 and transition.when is None and transition.event is None:
-            return transition.target
-    return None
 
 
 def phase_conditions(case: Case) -> Iterator[Diagnostic]:

@@ -16,7 +16,7 @@ from kybflow.dsl.checks.space import aim_of, shown_point
 from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 from kybflow.dsl.expanding.flows import given_vehicles, named_vehicles
 from kybflow.dsl.names.built_in import BUILT_IN
-from kybflow.dsl.plan import END, FlowPlan, StatePlan, VehiclePlan
+from kybflow.dsl.plan import END, StatePlan, VehiclePlan
 from kybflow.parts import GROUND
 
 _BELOW = frozenset({"landed", "brake", "hover", "auto_land"})
@@ -61,7 +61,7 @@ def _rests(case: Case, vehicle: VehiclePlan) -> list[RestingPlace]:
     unknown."""
     found: list[RestingPlace] = []
     endless = endless_states(vehicle)
-    goals = _asked_last(case, vehicle) if vehicle.requested else frozenset[str]()
+    goals = frozenset(_asked_last(case, vehicle) if vehicle.requested else ())
     if not goals <= vehicle.states.keys():
         return []
     reached = entries_after(vehicle, goals) if goals else entries_of(vehicle)
@@ -83,19 +83,16 @@ def _rests(case: Case, vehicle: VehiclePlan) -> list[RestingPlace]:
     return found
 
 
-def _asked_last(case: Case, vehicle: VehiclePlan) -> frozenset[str]:
-    """Return the states that may be the last ones that the vehicle's flow requests; empty if
-    another flow or a callback may request more."""
-    name, plan = vehicle.name, case.plan
-    flows = [f for f in plan.flows if name in named_vehicles(plan, f)]
-    if len(flows) != 1 or name in given_vehicles(plan, flows[0]) or case.cached(disturbances):
-        return frozenset()
-    return frozenset(_last_goals(case, flows[0], vehicle))
-
-
-def _last_goals(case: Case, flow: FlowPlan, vehicle: VehiclePlan) -> Iterator[str]:
-    """Yield the last state that the flow requests from the vehicle, for every path from the first
-    phase to the end."""
+def _asked_last(case: Case, vehicle: VehiclePlan) -> Iterator[str]:
+    """Yield the states that may be the last ones that the vehicle's flow requests, for every path
+    from its first phase to its end. Yields nothing if another flow or a callback may request
+    more."""
+    flows = [f for f in case.plan.flows if vehicle.name in named_vehicles(case.plan, f)]
+    if len(flows) != 1 or case.cached(disturbances):
+        return
+    (flow,) = flows
+    if vehicle.name in given_vehicles(case.plan, flow):
+        return
     waiting, seen = [(flow.begin, vehicle.begin)], set[tuple[str, str]]()
     while waiting:
         name, goal = waiting.pop()

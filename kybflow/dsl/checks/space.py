@@ -163,10 +163,13 @@ def undecided(case: Case) -> Iterator[Diagnostic]:
     if fence is None and not obstacles:
         return
     bounds = "stays inside the fence" if fence is not None else "stays clear of the obstacles"
+    (ax, ay, az), (bx, by, bz) = fence or Box(ZERO, ZERO)
+    middle = ((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)
     for _, state, entries in _entered(case):
-        if entries.known:
+        if entries.known or state.footprint(None) is not None:
             continue
-        if state.footprint(None) is None and _travels(state, fence):
+        footprint = state.footprint(middle)
+        if footprint is not None and any(p[:2] != middle[:2] for p in footprint.points):
             yield Diagnostic(
                 "KYB315",
                 f"can't tell whether `{state.name}` {bounds}",
@@ -196,14 +199,6 @@ def footprints(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, Vec3 | None
         footprint = vehicle.states[name].footprint(point)
         if footprint is not None:
             yield vehicle, vehicle.states[name], point, footprint
-
-
-def _travels(state: StatePlan, fence: Box | None) -> bool:
-    """Return whether the behavior moves sideways from where it is entered."""
-    (ax, ay, az), (bx, by, bz) = fence or Box(ZERO, ZERO)
-    middle = ((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)
-    footprint = state.footprint(middle)
-    return footprint is not None and any(p[:2] != middle[:2] for p in footprint.points)
 
 
 def _beyond(fence: Box, point: Vec3) -> str:

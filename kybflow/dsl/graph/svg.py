@@ -59,7 +59,9 @@ def arranged(
     the size of each edge's label. first: the box from which the layout begins at the top."""
     back = _closing(len(boxes), edges, first)
     down = [(b, a) if i in back else (a, b) for i, (a, b) in enumerate(edges)]
-    ranks = _ranks(len(boxes), down)
+    ranks = [0] * len(boxes)  # the length of the longest path to each box; `down` has no cycles
+    for source, target in down * len(boxes):
+        ranks[target] = max(ranks[target], ranks[source] + 1)
     layout = Layout(list(boxes))
     layout.layers = [[] for _ in range(2 * max(ranks) + 1)]
     for box, rank in enumerate(ranks):
@@ -102,15 +104,6 @@ def _closing(count: int, edges: Sequence[tuple[int, int]], first: int) -> set[in
                 target = edges[taken][1]
                 path.append((target, iter(leaving[target])))
     return closing
-
-
-def _ranks(count: int, down: Sequence[tuple[int, int]]) -> list[int]:
-    """Return the length of the longest path to each vertex; `down` has no cycles."""
-    ranks = [0] * count
-    for _ in range(count):
-        for source, target in down:
-            ranks[target] = max(ranks[target], ranks[source] + 1)
-    return ranks
 
 
 Neighbours = Mapping[int, list[int]]
