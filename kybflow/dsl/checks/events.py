@@ -72,7 +72,8 @@ def _too_late(event: Text, known: KnownEvents) -> Iterator[Diagnostic]:
     kind = AWAITED_EVENTS.get(event.text.rpartition(".")[2], BaseEvent)
     if kind.awaited == "too late" and event.text not in known.custom:
         message = f"nothing can react to the event `{event.text}`"
-        yield Diagnostic("KYB208", message, event.span, label="the run has ended by then")
+        hint = "wait for an earlier event, or check the end of the run in `expect:`"
+        yield Diagnostic("KYB208", message, event.span, "the run has ended by then", help=hint)
 
 
 def never_emitted(case: Case) -> Iterator[Diagnostic]:

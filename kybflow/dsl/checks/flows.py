@@ -48,7 +48,7 @@ def phase_targets(case: Case) -> Iterator[Diagnostic]:
             if goal.text not in plan.flows_by_name:
                 message = f"there is no flow `{goal.text}`"
                 others = plan.flows_by_name.keys() - {flow.name, *plan.fleet, *plan.groups}
-                hint = did_you_mean(goal.text, others)
+                hint = did_you_mean(goal.text, others) or "declare it under `flows`"
                 yield Diagnostic("KYB193", message, goal.span, label="unknown", help=hint)
             elif goal.text == flow.name:
                 message = f"`{goal.text}` can't give a vehicle to itself"

@@ -252,6 +252,7 @@ def may_fly_into(case: Case) -> Iterator[Diagnostic]:
                 state.behavior.span,
                 label="only the bounds of its path are known",
                 notes=(_stands(case, obstacle),),
+                help=f"stay further away from `{obstacle}`, unless the path is surely clear",
                 severity=Severity.WARNING,
             )
 
@@ -280,6 +281,7 @@ def homes(case: Case) -> Iterator[Diagnostic]:
                 vehicle.span_of("home"),
                 label=label,
                 notes=(note,),
+                help="choose another `home`",
                 related=related,
             )
 

@@ -33,6 +33,7 @@ def starts_outside(case: Case) -> Iterator[Diagnostic]:
             vehicle.span_of("start", "at"),
             label=_beyond(fence, vehicle.start),
             notes=(extent(fence),),
+            help="start inside the fence, or make the fence larger",
             related=the_fence(case),
         )
 
@@ -55,6 +56,7 @@ def starts_too_close(case: Case) -> Iterator[Diagnostic]:
             b.span_of("start", "at"),
             label=f"needs at least {format_quantity(_apart(a, b), LENGTH)}",
             notes=(f"`{a.name}` starts at {shown_point(a.start)} ({first.at})",),
+            help="start them further apart",
         )
 
 
@@ -76,6 +78,7 @@ def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
                 aim_of(state, footprint),
                 label=_beyond(fence, far),
                 notes=(extent(fence), *footprint.line_of(far)),
+                help="stay inside the fence, or make the fence larger",
                 related=(*the_fence(case), *values_of(state.behavior)),
             )
 
@@ -152,6 +155,7 @@ def refuses(case: Case) -> Iterator[Diagnostic]:
                     state.behavior.span,
                     label=reason,
                     notes=(f"entered at {shown_point(entry)}",),
+                    help="first lead the vehicle to where it can start",
                 )
                 break
 
@@ -176,6 +180,7 @@ def undecided(case: Case) -> Iterator[Diagnostic]:
                 state.behavior.span,
                 label="its path depends on where it begins",
                 notes=("where it begins is unknown before the flight",),
+                help="enter it from a known place, for example after a `fly_to`",
                 severity=Severity.WARNING,
             )
 

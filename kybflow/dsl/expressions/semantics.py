@@ -184,7 +184,8 @@ class Semantics:
         if left.node is not None and right.node is not None and is_mixed:
             own, other = type_name(left.dimension), type_name(right.dimension)
             message = f"`{left.source}` is {own}, but `{right.source}` is {other}"
-            self.report("KYB212", right.token, message, "can't be compared")
+            hint = f"compare `{left.source}` with {own}"
+            self.report("KYB212", right.token, message, "can't be compared", hint)
         if operator not in ("==", "!=") and left.dimension is right.dimension is None:
             message = "names are compared with `==` and `!=`"
             self.report("KYB212", right.token, message, "names have no order")

@@ -159,7 +159,8 @@ class Decoder:
     ) -> None:
         """Report KYB102 for a missing key of a record, or KYB108 for a missing parameter."""
         if code == "KYB102":
-            self.found.report(code, f"a {owner} needs `{field.key}`", head_of(body))
+            message = f"a {owner} needs `{field.key}`"
+            self.found.report(code, message, head_of(body), help=how_to_write(field))
         elif not nearest(field.key, [key for key in body.entries if key not in known]):
             # otherwise the misspelt key is already reported
             message = f"`{owner}` needs `{field.key}`"

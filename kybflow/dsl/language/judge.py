@@ -40,7 +40,11 @@ CODES = {
     "KYB111": "A version of the language that this program doesn't read.",
 }
 _NEVER = {("library", "kybflow"): "remove it; a library begins with `library:`"}
-_MISSING = {"kybflow": "write `kybflow: 1`", "use": "write `use: NAME`"}
+_MISSING = {
+    "kybflow": "write `kybflow: 1`",
+    "use": "write `use: NAME`",
+    "phases": "write `phases: {NAME: {...}}`",
+}
 
 
 class SchemaViolation(NamedTuple):
@@ -126,6 +130,10 @@ def _explain_missing(fault: SchemaViolation) -> Iterator[Diagnostic]:
         if node.get(key) is not None or nearest(key, unknown):
             continue  # the misspelt key is reported already
         what, hint = fault.schema["title"], _MISSING.get(key, "")
+        known = fault.schema["properties"].get(key)
+        if not hint and isinstance(known, dict) and "description" in known:
+            about = known["description"].partition(". ")[0].removesuffix(".")
+            hint = f"write `{key}: ...`: {about[:1].lower()}{about[1:]}"
         others = [k for k in node.entries if k not in fault.schema["properties"]]
         near = [k for k in ("use", "stack") if nearest(k, others)]
         if key == "use" and near and near[0] in fault.schema["properties"]:

@@ -98,7 +98,8 @@ class _Composer:
         self._next_event = loader.get_event
         loader.get_event()
         if loader.check_event(StreamEndEvent):
-            raise self._stopped("KYB005", f"`{self._file}` is empty", loader.get_event())
+            hint = "a mission begins with `kybflow: 1` and `mission: NAME`"
+            raise self._stopped("KYB005", f"`{self._file}` is empty", loader.get_event(), hint)
         loader.get_event()
         root = self._node(loader.get_event(), 0)
         loader.get_event()
@@ -134,7 +135,8 @@ class _Composer:
         if node is None:
             inside = f"`*{name}` is inside `&{name}`"
             message = inside if name in self._anchors else f"nothing is marked `&{name}`"
-            raise self._stopped("KYB013", message, event)
+            hint = "write the values out, or correct the name"
+            raise self._stopped("KYB013", message, event, hint)
         self._total += self._sizes[name]
         if self._total > MAX_NODES:
             raise self._too_many(event)
