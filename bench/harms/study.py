@@ -16,7 +16,7 @@ from harms.mission_text import Mission, edited
 from harms.operator import Operator
 from kybflow.api.rehearsal.rehearse import rehearse
 from kybflow.dsl.compiler import check_mission, compile_mission
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.parts.catalog import load_catalog
 
 PLACES = 3

@@ -14,8 +14,7 @@ from toolchain import SHIPPED, with_library
 
 from kybflow.core.geometry import distance
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.diagnostics.diagnostic import Severity
-from kybflow.dsl.diagnostics.render import render, to_json
+from kybflow.dsl.diagnostics import Severity, render, to_json
 from kybflow.parts.catalog import load_catalog
 from studies.mission_mutants import Mutant, at_random, mutants
 

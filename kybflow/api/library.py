@@ -14,8 +14,7 @@ from typing import NamedTuple
 from kybflow.core.errors import KybflowError
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Findings, Span
 from kybflow.dsl.language.published import schema_text
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, entries_of
 from kybflow.dsl.reading.reader import ParsedFile, read

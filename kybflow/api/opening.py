@@ -15,14 +15,13 @@ from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Sticks
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.entry_values import OF_ENTRIES
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
 from kybflow.dsl.expanding.flows import entry_values
 from kybflow.dsl.expanding.world import Points
 from kybflow.dsl.language.records import Source
 from kybflow.dsl.plan import InputPlan, PartPlan, Plan, Values, VehiclePlan
 from kybflow.dsl.reading import nodes
-from kybflow.dsl.reading.composer import compose
+from kybflow.dsl.reading.reader import compose
 from kybflow.parts import Driver, InputLink, Link, Seat, Session, Stream
 from kybflow.parts.catalog import Catalog
 from kybflow.runtime.clock import Clock, SimulatedClock, WallClock

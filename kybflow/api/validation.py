@@ -23,10 +23,16 @@ from urllib.parse import quote
 
 from kybflow import __version__
 from kybflow.dsl.compiler import Result, check_mission
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.diagnostics.render import clipped, printable, render_all, to_json, ways_to
-from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.reading.folders import mission_files
+from kybflow.dsl.diagnostics import (
+    Diagnostic,
+    Span,
+    clipped,
+    printable,
+    render_all,
+    to_json,
+    ways_to,
+)
+from kybflow.dsl.reading.reader import mission_files
 from kybflow.parts.catalog import load_catalog
 
 

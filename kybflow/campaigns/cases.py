@@ -26,8 +26,7 @@ from kybflow.core.text import headline
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.language.judge import is_library
 from kybflow.dsl.plan import Plan
-from kybflow.dsl.reading.folders import RESOLVED, mission_files
-from kybflow.dsl.reading.reader import read
+from kybflow.dsl.reading.reader import RESOLVED, mission_files, read
 from kybflow.parts.catalog import load_catalog
 from kybflow.recording.outcome import Outcome
 from kybflow.recording.run_folder import RunFolderError

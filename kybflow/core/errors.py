@@ -14,7 +14,7 @@
     └── DriverError       a driver, link or device failed
 
 Mistakes in a mission are not exceptions: they are collected as diagnostics
-(`kybflow.dsl.diagnostics.diagnostic`).
+(`kybflow.dsl.diagnostics`).
 """
 
 from __future__ import annotations

@@ -9,8 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from kybflow.core.files import File
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.diagnostics import Findings, Text
 from kybflow.dsl.expanding.flows import given_vehicles, own_vehicles, values_for
 from kybflow.dsl.expressions import Expression, Scope, parse
 from kybflow.dsl.expressions.tree import Unparsed

@@ -17,9 +17,9 @@ from math import isfinite
 
 from kybflow.core.errors import FileError
 from kybflow.core.files import File
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.reading.composer import compose
+from kybflow.dsl.diagnostics import Findings
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, describe, items_of
+from kybflow.dsl.reading.reader import compose
 from kybflow.world.cameras import Lens
 
 _TAGGED = "KYB008"
@@ -115,7 +115,7 @@ def _numbers(node: Node, key: str) -> Iterator[float]:
     try:
         value = float(node.text)
     except ValueError:
-        raise FileError(f"`{node.text[:20]}` in `{key}` is no number", node.span.line) from None
+        raise FileError(f"`{node.text[:20]}` in `{key}` is not a number", node.span.line) from None
     if not isfinite(value):
         raise FileError(f"`{node.text}` in `{key}` is not finite", node.span.line)
     yield value

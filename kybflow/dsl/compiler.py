@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING
 
 from kybflow.dsl.bind import bind
 from kybflow.dsl.checks import check
-from kybflow.dsl.diagnostics.diagnostic import (
+from kybflow.dsl.diagnostics import (
+    SET,
     Diagnostic,
     Findings,
     Related,
@@ -25,7 +26,6 @@ from kybflow.dsl.diagnostics.diagnostic import (
     has_errors,
     in_order,
 )
-from kybflow.dsl.diagnostics.spans import SET
 from kybflow.dsl.expanding import targets
 from kybflow.dsl.expanding.mission import judge_library, mission_of
 from kybflow.dsl.language.judge import is_library, judge_mission
@@ -38,7 +38,7 @@ from kybflow.dsl.resolving.resolve import resolve, resolve_library
 from kybflow.dsl.resolving.unused import unused_names
 
 if TYPE_CHECKING:
-    from kybflow.dsl.diagnostics.spans import Span
+    from kybflow.dsl.diagnostics import Span
     from kybflow.parts.catalog import Catalog
 
 

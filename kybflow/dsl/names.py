@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kybflow.core.params import Field, names_in
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Diagnostic, Findings, Span, Text
 from kybflow.dsl.expressions import Scope
 from kybflow.dsl.plan import PartPlan, Plan, VehiclePlan
 from kybflow.dsl.reading.nodes import Node
@@ -126,7 +125,7 @@ def _option(
         found.report("KYB233", message, name.part(start, end), help=did_you_mean("", known))
     elif not rest:
         hint = "an option is `VEHICLE.PART.PARAMETER`, like `a.processors.limit_speed.speed`"
-        found.report("KYB233", f"`{name.text}` is no option", name.span, help=hint)
+        found.report("KYB233", f"`{name.text}` is not an option", name.span, help=hint)
     elif label not in parts:
         part = label or rest
         message, hint = f"`{vehicle.name}` has no part `{part}`", did_you_mean(part, parts)

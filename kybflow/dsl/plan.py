@@ -17,7 +17,7 @@ from kybflow.core.files import File
 from kybflow.core.geometry import Vec3
 from kybflow.core.params import FLAT, NAMED, OR_NAME, Field, fields_of, key, record
 from kybflow.core.units import Angle, Duration, Frequency, Position
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Span, Text
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.language.records import (
     CONDITION,

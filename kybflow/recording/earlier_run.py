@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from kybflow.core.errors import FileError
 from kybflow.core.signals import NS
-from kybflow.dsl.reading.folders import PROVENANCE
+from kybflow.dsl.reading.reader import PROVENANCE
 from kybflow.inputs.rows import parse
 from kybflow.recording.run_folder import EVENTS, INPUTS, RunFolderError, whole_lines
 from kybflow.runtime.commanding.command_queue import RecordedCommand

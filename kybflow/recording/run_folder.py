@@ -26,7 +26,7 @@ from kybflow.core.errors import KybflowError
 from kybflow.core.files import CONTROL, File, write_whole
 from kybflow.core.signals import Event, InputReading, Time
 from kybflow.dsl.plan import EstimatorPlan, InputPlan, Plan, SensorPlan
-from kybflow.dsl.reading.folders import PROVENANCE, RESOLVED
+from kybflow.dsl.reading.reader import PROVENANCE, RESOLVED
 from kybflow.inputs.rows import InputRow, head, line
 from kybflow.recording.layout import event_record
 

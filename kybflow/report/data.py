@@ -23,7 +23,7 @@ from kybflow.core.files import File
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Battery
 from kybflow.core.units import ANGLE, LENGTH, NUMBER, parse_quantity
-from kybflow.dsl.reading.folders import PROVENANCE, RESOLVED
+from kybflow.dsl.reading.reader import PROVENANCE, RESOLVED
 from kybflow.inputs.rows import InputRows, parse
 from kybflow.recording.layout import (
     HAS_POSITION,

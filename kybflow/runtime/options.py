@@ -15,11 +15,11 @@ from typing import Any, NamedTuple, Protocol
 from kybflow.core.errors import OptionRefused
 from kybflow.core.params import Field, fields_of, type_of
 from kybflow.core.text import nearest
-from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.diagnostics import Findings
 from kybflow.dsl.language.records import NO_PLACE
 from kybflow.dsl.plan import Plan, VehiclePlan
-from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import Node, Scalar, Sequence
+from kybflow.dsl.reading.reader import compose
 from kybflow.dsl.reading.values import decode_value
 from kybflow.parts.events import OptionChanged, OptionRefusedEvent
 from kybflow.runtime.events import Events

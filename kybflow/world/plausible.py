@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from math import cos, pi, sqrt
 from typing import NamedTuple
 
-from kybflow.core.units import DAMPING, DURATION, LENGTH, Dimension, format_quantity
+from kybflow.core.units import DAMPING, DURATION, LENGTH, MASS, Dimension, format_quantity
 from kybflow.world.vehicle_context import Airframe, Parcel
 
 
@@ -111,12 +111,15 @@ def of_parcel(parcel: Parcel, airframe: Airframe) -> Iterator[Implausible]:
     size, reach = parcel.size, parcel.size / sqrt(2.0)
     free, most = airframe.arm - airframe.rotor_radius, airframe.arm
     if reach > free:
-        found = f"a box of {size * 100:.3g} cm, whose corners reach below the rotors"
-        usual = f"{free * sqrt(2.0) * 100:.3g} cm at most under its airframe"
+        found = f"a box of {size * 100:.3g} cm would extend under the rotors"
+        usual = f"at most {free * sqrt(2.0) * 100:.3g} cm under its airframe"
         yield Implausible(("size",), found, usual, reach > most)
         return
     density = parcel.mass / size**3
     if not _DENSITY.has(density, False):
-        found = f"a box of {density:.3g} kg/m^3"
+        found = (
+            f"{format_quantity(parcel.mass, MASS)} in a box of {size * 100:.3g} cm are "
+            f"{float(f'{density:.3g}'):.0f} kg/m^3"
+        )
         usual = f"{_DENSITY.low:g} to {_DENSITY.high:g} kg/m^3"
         yield Implausible(("size", "mass"), found, usual, not _DENSITY.has(density, True))

@@ -13,7 +13,7 @@ from kybflow.api.rehearsal.rehearse import Rehearsal, rehearse
 from kybflow.core.errors import EventRefused
 from kybflow.core.geometry import add, scale
 from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
-from kybflow.dsl.diagnostics.diagnostic import Severity
+from kybflow.dsl.diagnostics import Severity
 from kybflow.dsl.plan import Plan
 from kybflow.flight.motion import IDLE, Motion
 from kybflow.parts import AIR, GROUND, Behavior, Entry

@@ -33,7 +33,7 @@ def test_validate_says_ok_and_ends_with_0() -> None:
 def test_validate_reports_and_ends_with_2(bad: str) -> None:
     result = invoke("validate", GOOD, bad, "--format", "text")
     assert result.exit_code == 2
-    assert f"{bad}:3:1 error[KYB101]: `vehicels` is no key of a mission" in result.output
+    assert f"{bad}:3:1 error[KYB101]: `vehicels` is not a key of a mission" in result.output
 
 
 def test_validate_speaks_json(bad: str) -> None:

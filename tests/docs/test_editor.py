@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 from toolchain import ROOT
 
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.reading.composer import compose
+from kybflow.dsl.diagnostics import Findings
+from kybflow.dsl.reading.reader import compose
 from kybflow.dsl.reading.values import decode_value
 from kybflow.parts.catalog import load_catalog
 

@@ -10,7 +10,7 @@ from pages import page
 from toolchain import ROOT, with_library
 
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.diagnostics.render import render
+from kybflow.dsl.diagnostics import render
 from kybflow.parts.catalog import load_catalog
 from kybflow.parts.observables import OBSERVABLES
 

@@ -1,7 +1,9 @@
-"""Every code is explained from where it is raised and from the pages that show it."""
+"""Every code is shown by a test, and explained from where it is raised and from the pages that show
+it."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -73,3 +75,34 @@ def test_a_change_must_fit_once() -> None:
     (section,) = sections_of(text)
     with pytest.raises(ValueError, match="fits 2 times"):
         section.mended()
+
+
+SOURCES = [
+    *sorted((ROOT / "kybflow" / "dsl").rglob("*.py")),
+    ROOT / "kybflow" / "api" / "rehearsal" / "findings.py",
+]
+RAISED = {
+    code
+    for path in SOURCES
+    for code in re.findall(r'^\s+"(KYB\d{3})",?$|\("(KYB\d{3})"', path.read_text(), re.MULTILINE)
+    for code in code
+    if code
+}
+EXPLAINED = re.compile(r'^ {4}"(KYB\d{3})": "|"""(KYB\d{3})\b', re.MULTILINE)
+
+
+def test_each_is_explained() -> None:
+    explained = {
+        code
+        for path in SOURCES
+        for found in EXPLAINED.findall(path.read_text())
+        for code in found
+        if code
+    }
+    assert RAISED - explained == set()
+
+
+def test_each_is_shown() -> None:
+    texts = [p.read_text() for p in (ROOT / "tests").rglob("*") if p.suffix in (".md", ".py")]
+    shown = {code for text in texts for code in re.findall(r"KYB\d{3}", text)}
+    assert RAISED - shown == set()

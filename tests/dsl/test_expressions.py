@@ -6,11 +6,12 @@ import re
 from typing import Any
 
 import pytest
+from fake_view import FakeView
 from hypothesis import given
 from hypothesis import strategies as st
 
 from kybflow.core.units import ANGLE, DURATION, LENGTH, RATIO
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Span, Text
 from kybflow.dsl.expressions import (
     Aggregate,
     Always,
@@ -19,6 +20,7 @@ from kybflow.dsl.expressions import (
     Distance,
     Eventually,
     Finished,
+    GroupInState,
     InState,
     Location,
     MissionTime,
@@ -32,11 +34,14 @@ from kybflow.dsl.expressions import (
     describe,
     parse,
 )
+from kybflow.runtime.conditions import bind
 
 VEHICLES = {"a": ("up", "eight", "hover", "landed"), "b": ("up", "landed")}
 CONDITION = Scope("condition", VEHICLES, "a", {"a": ("mocap", "inertial")})
 HEALTH = Scope("health", VEHICLES, "a")
 EXPECTATION = Scope("expectation", VEHICLES)
+GROUPS = {"pair": ("a", "b"), "swarm": ("a", "b", "c", "d")}
+FLOW = Scope("condition", dict.fromkeys("abc", ("up", "hover")) | {"d": ("up",)}, groups=GROUPS)
 
 
 def text(words: str) -> Text:
@@ -158,13 +163,13 @@ def test_expectations(words: str, expected: Any) -> None:
             "state.speed",
         ),
         ("state.tilt > 20", "KYB212", "an angle needs a unit", "20"),
-        ("behavior == 3", "KYB212", "`behavior` is a name, `3` is a quantity", "3"),
+        ("behavior == 3", "KYB212", "`behavior` is a name, but `3` is a quantity", "3"),
         ("elapsed > 1e999 s", "KYB212", "`1e999 s` is not finite", "1e999 s"),
         ("1 s < 2 s", "KYB212", "both sides are written out: this never changes", "1 s"),
         (
             "max(elapsed) > 1 s",
             "KYB213",
-            "`max(...)` looks at a whole run; a condition is asked every tick",
+            "`max(...)` covers the whole run, but a condition is checked in every tick",
             "max",
         ),
         ("elapsed > 1 s s", "KYB210", "found `s` where `and`, `or` or the end should be", "s"),
@@ -280,3 +285,65 @@ def test_no_text_raises(words: str, scope: Scope) -> None:
     assert (expression is None) == bool(findings)
     if expression is not None:
         assert expression == parse(text(describe(expression)), scope)[0]
+
+
+def test_all_and_any_of_a_group() -> None:
+    assert read("all pair in hover", FLOW) == GroupInState("all", "pair", ("a", "b"), "hover")
+    assert read("not any pair in up", FLOW) == Not(GroupInState("any", "pair", ("a", "b"), "up"))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "all pair in hover",
+        "any swarm in up and a in up",
+        "not all pair in up",
+        "not (any pair in up or d in up)",
+    ],
+)
+def test_what_is_described_reads_as_the_same(words: str) -> None:
+    expression = read(words, FLOW)
+    assert read(describe(expression), FLOW) == expression
+
+
+def test_a_separation_of_groups_is_that_of_their_vehicles() -> None:
+    assert read("separation(swarm) > 1 m", FLOW).left == Separation(("a", "b", "c", "d"))
+    assert read("separation(pair and d) > 1 m", FLOW).left == Separation(("a", "b", "d"))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("all pairs in hover", "there is no group `pairs`"),
+        ("all a in hover", "there is no group `a`"),
+        ("all swarm in hover", "`d` has no state `hover`"),
+        ("pair in hover", "`pair` is a group, and one vehicle is needed"),
+        ("distance(a to pair) < 1 m", "`pair` is a group, and one vehicle is needed"),
+        ("all pair hover", "found `hover` where `in` should be"),
+    ],
+)
+def test_what_is_wrong_is_said_once(words: str, message: str) -> None:
+    assert [finding.message for finding in parse(text(words), FLOW)[1]] == [message]
+
+
+def test_a_vehicle_called_like_a_quantifier_is_still_a_vehicle() -> None:
+    scope = Scope("condition", {"all": ("up",)}, groups=GROUPS)
+    assert parse(text("all in up"), scope)[1] == []
+
+
+@pytest.mark.parametrize(
+    ("words", "behaviors", "holds"),
+    [
+        ("all pair in hover", "hover hover", True),
+        ("all pair in hover", "hover up", False),
+        ("any pair in hover", "hover up", True),
+        ("any pair in hover", "up up", False),
+        ("all pair in fetch", "fetch.lift fetch", True),
+    ],
+)
+def test_they_hold_of_the_vehicles_as_they_are(words: str, behaviors: str, holds: bool) -> None:
+    vehicles = dict.fromkeys("ab", ("up", "hover", "fetch"))
+    expression, _ = parse(text(words), Scope("condition", vehicles, groups=GROUPS))
+    assert expression is not None
+    views = {n: FakeView(behavior=b) for n, b in zip("ab", behaviors.split(), strict=True)}
+    assert bind(expression, views, None, lambda: 0.0)() is holds

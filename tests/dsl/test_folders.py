@@ -10,7 +10,7 @@ import pytest
 
 from kybflow.api.validation import validate_paths
 from kybflow.campaigns.cases import missions_under
-from kybflow.dsl.reading.folders import mission_files
+from kybflow.dsl.reading.reader import mission_files
 
 MISSION = "kybflow: 1\nmission: m\n"
 
@@ -92,5 +92,5 @@ def test_what_cannot_be_opened_is_reported(tmp_path: Path):
 
 
 def test_finding_files_is_light():
-    code = "import sys, kybflow.dsl.reading.folders; sys.exit('numpy' in sys.modules)"
+    code = "import sys, kybflow.dsl.reading.reader; sys.exit('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -9,8 +9,7 @@ import pytest
 from toolchain import MISSIONS, invoke
 
 from kybflow.api.validation import to_annotation, to_sarif
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 
 IMPORTED = Span("m.yaml", 3, 9, 3, 20)
 

@@ -9,7 +9,7 @@ import pytest
 from toolchain import ROOT
 
 from kybflow.dsl.compiler import check_mission
-from kybflow.dsl.diagnostics.render import render_all
+from kybflow.dsl.diagnostics import render_all
 from kybflow.parts.catalog import load_catalog
 
 GOOD = Path(__file__).parent / "good"

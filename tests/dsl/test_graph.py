@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from itertools import combinations
+from typing import Any
 from xml.etree import ElementTree
 
 import pytest
@@ -12,10 +13,8 @@ from plans import part, plan, state, then, vehicle
 
 from kybflow.core.units import RATIO
 from kybflow.dsl.expressions import Compare, Quantity, Read
-from kybflow.dsl.graph.drawing import Edge, drawings
-from kybflow.dsl.graph.layout import Size, arranged
-from kybflow.dsl.graph.mermaid import mermaid
-from kybflow.dsl.graph.svg import svg
+from kybflow.dsl.graph.drawing import Edge, drawings, mermaid
+from kybflow.dsl.graph.svg import Size, arranged, svg
 from kybflow.dsl.plan import (
     CallbackPlan,
     FlowPlan,
@@ -29,6 +28,7 @@ from kybflow.dsl.plan import (
 
 LOW = Compare("<", Read(None, "battery.remaining"), Quantity(0.3, RATIO))
 HOME = TransitionPlan(target="down", when=LOW, hold=0.5)
+LATE = TransitionPlan(target="brake", cause="within", after=9.0)
 IMPLIED = TransitionPlan(target="brake", cause="failed", implied=True)
 
 
@@ -36,20 +36,20 @@ def flying_states() -> list[StatePlan]:
     hover = part("behaviors", "hover")
     return [
         state("up", part("behaviors", "take_off", height=1.0), then("go"), IMPLIED),
-        state(
-            "go",
-            hover,
-            then("back"),
-            HOME,
-            TransitionPlan(target="brake", cause="within", after=9.0),
-        ),
+        state("go", hover, then("back"), HOME, LATE),
         state("back", hover, then("go"), HOME),
-        state(
-            "down",
-            part("behaviors", "land"),
-            TransitionPlan(target="landed", cause="then", implied=True),
-        ),
+        state("down", part("behaviors", "land"), replace(then("landed"), implied=True)),
     ]
+
+
+def phase(name: str, *transitions: TransitionPlan, **asked: Any) -> PhasePlan:
+    facts = {"run": {}, "give": {}, **asked}
+    return PhasePlan(name=name, options=(), transitions=transitions, **facts)
+
+
+def flow(name: str, vehicles: str, *phases: PhasePlan) -> FlowPlan:
+    own = {one.name: one for one in phases}
+    return FlowPlan(name=name, begin=phases[0].name, vehicles=tuple(vehicles), phases=own)
 
 
 @pytest.fixture
@@ -134,22 +134,11 @@ def test_arrows_point_down_but_for_those_that_close_a_cycle(
         assert chain.is_reversed == (layout.y[source] > layout.y[target])
 
 
-def test_a_flow_is_a_machine_of_its_own() -> None:
-    launch = PhasePlan(
-        name="launch",
-        run={"a": Request("up"), "b": Request("up")},
-        give={"c": "solo"},
-        options=(),
-        transitions=(TransitionPlan(target="land", after=2.0),),
-    )
-    land = PhasePlan(name="land", run={"a": Request("down")}, give={}, options=(), transitions=())
-    team = FlowPlan(
-        name="team",
-        begin="launch",
-        vehicles=("a", "b", "c"),
-        phases={"launch": launch, "land": land},
-    )
-    twins = plan(vehicle("a", flying_states()), vehicle("b", flying_states()))
+def test_a_flow_is_a_machine_of_its_own(twins: Plan) -> None:
+    run = {"a": Request("up"), "b": Request("up")}
+    later = TransitionPlan(target="land", after=2.0)
+    launch = phase("launch", later, run=run, give={"c": "solo"})
+    team = flow("team", "abc", launch, phase("land", run={"a": Request("down")}))
     drawing = drawings(replace(twins, flows=(team,), groups={"both": ("a", "b")}))[-1]
     assert drawing.title == "flow team"
     assert [box.part for box in drawing.boxes] == [
@@ -168,13 +157,8 @@ def test_a_flow_is_a_machine_of_its_own() -> None:
 
 def asked_for() -> Plan:
     """`a` flies what a flow and a callback ask for; `b` has the same machine, asked by nobody."""
-    fly = PhasePlan(name="fly", run={"a": Request("go")}, give={}, options=(), transitions=())
-    team = FlowPlan(
-        name="team",
-        begin="fly",
-        vehicles=("a",),
-        phases={"fly": fly, "again": replace(fly, name="again")},
-    )
+    run = {"a": Request("go")}
+    team = flow("team", "a", phase("fly", run=run), phase("again", run=run))
     home = CallbackPlan(
         event="battery_low", vehicles=("a",), actions=(Switch("a", "down"), Switch("a", "fault"))
     )
@@ -213,20 +197,8 @@ def test_the_dot_of_the_beginning_has_room_of_its_own(twins: Plan) -> None:
 
 
 def test_many_machines_stand_in_rows() -> None:
-    flows = tuple(
-        FlowPlan(
-            name=f"f{n}",
-            begin="x",
-            vehicles=("a",),
-            phases={
-                "x": PhasePlan(
-                    name="x" * 40, run={"a": Request("go")}, give={}, options=(), transitions=()
-                )
-            },
-        )
-        for n in range(8)
-    )
-    flows = tuple(replace(f, begin="x" * 40, phases={"x" * 40: f.phases["x"]}) for f in flows)
+    wide = phase("x" * 40, run={"a": Request("go")})
+    flows = tuple(flow(f"f{n}", "a", wide) for n in range(8))
     text = svg(replace(asked_for(), flows=flows))
     width = re.search(r'width="(\d+)"', text)
     assert width is not None

@@ -16,8 +16,8 @@ import pytest
 from toolchain import MISSIONS
 
 from kybflow.dsl.compiler import Result, compile_mission
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.reading.composer import compose
+from kybflow.dsl.diagnostics import Findings
+from kybflow.dsl.reading.reader import compose
 from kybflow.parts.catalog import load_catalog
 
 ORDINARY = MISSIONS / "formation.yaml"

@@ -21,7 +21,7 @@ from kybflow.api.codes import Section, folder, sections, sections_of, write
 from kybflow.core.signals import Battery, Imu
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import Result, compile_mission
-from kybflow.dsl.diagnostics.render import render
+from kybflow.dsl.diagnostics import render
 from kybflow.parts.catalog import Catalog, PartSpec, load_catalog
 
 CASES = {f"{case.family}: {case.heading}": case for case in sections()}

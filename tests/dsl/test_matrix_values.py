@@ -15,11 +15,11 @@ from kybflow.cli.printing.mission import show_mission
 from kybflow.cli.printing.reference import show_part
 from kybflow.core.params import Field, Numbers
 from kybflow.core.units import ANGLE
-from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.diagnostics import Findings
 from kybflow.dsl.language.published import Editor
 from kybflow.dsl.language.schema import Schemas
 from kybflow.dsl.plan import Plan
-from kybflow.dsl.reading.composer import compose
+from kybflow.dsl.reading.reader import compose
 from kybflow.dsl.reading.values import decode_value
 from kybflow.parts.catalog import load_catalog
 

@@ -120,7 +120,7 @@ def test_a_flow_begins_in_the_first_phase_that_is_there(tmp_path: Path) -> None:
 
 def test_a_number_is_no_text_of_a_part(tmp_path: Path) -> None:
     text = MISSION.replace("{do: land}", "{do: land}\n      join: {do: follow, vehicle: 3}")
-    message = "`vehicle` must be text, but this is a number `3`"
+    message = "`vehicle` must be text, but this is the number `3`"
     assert ("KYB103", message) in found(tmp_path, text)
 
 

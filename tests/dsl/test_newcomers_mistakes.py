@@ -15,7 +15,7 @@ import pytest
 from toolchain import result_of
 
 from kybflow.api.rehearsal.rehearse import rehearse
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic
 
 ONE = """\
 kybflow: 1

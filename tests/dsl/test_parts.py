@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Findings, Span
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.reading.nodes import Scalar
 from kybflow.parts.catalog import Catalog

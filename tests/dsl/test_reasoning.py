@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kybflow.core.units import LENGTH
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Span, Text
 from kybflow.dsl.expressions import (
     And,
     Compare,

@@ -11,12 +11,11 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from kybflow.core.units import DIMENSIONS
-from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.diagnostics import Findings
 from kybflow.dsl.language.published import schema_text
 from kybflow.dsl.language.schema import Schemas
-from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import to_json
-from kybflow.dsl.reading.reader import read
+from kybflow.dsl.reading.reader import compose, read
 from kybflow.parts.catalog import BASES, load_catalog
 
 REPO = Path(__file__).parents[2]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.reading.composer import compose
+from kybflow.dsl.diagnostics import Diagnostic, Findings
+from kybflow.dsl.reading.reader import compose
 
 SLIPS = {
     "a line without a colon": ("up:\n  do: hover\n  height 1 m\n  then: b\n", 3, "`height: 1 m`"),
@@ -14,11 +14,11 @@ SLIPS = {
     "an equals sign": ("a = 1\nb: 2\n", 1, "`a: 1`"),
     "a full-width colon": ("a\uff1a1\nb: 2\n", 1, "`a: 1`"),
     "too little indentation": ("a:\n  b:\n    c: 1\n   d: 2\n", 4, "by 4, or by 2"),
-    "too much indentation": ("up:\n  do: hover\n    then: b\n", 3, "indent it by 2, as line 2"),
+    "too much indentation": ("up:\n  do: hover\n    then: b\n", 3, "indent it by 2, like line 2"),
     "a first line that is indented": ("  a: 1\nb: 2\n", 2, "indent both alike"),
     "a key in a list": ("p:\n  - a\n  use: b\n", 3, "begin it with `- `"),
     "an entry without its space": ("p:\n  - a\n  -b\n", 3, "`- b`"),
-    "a list behind a key": ("h: - a\n", 1, "in the next line"),
+    "a list behind a key": ("h: - a\n", 1, "on the next line"),
     "a sign apart": ("h: [0, - 1, 2]\n", 1, "`-1`"),
     "a quote in quotes": ("a: 'it's'\n", 1, "written twice"),
     "a quote that stays open": ('a: "x\nb: c\n', 1, "close it"),

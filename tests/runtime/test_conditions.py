@@ -6,7 +6,7 @@ import pytest
 from fake_view import FakeView
 
 from kybflow.core.units import LENGTH
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Span, Text
 from kybflow.dsl.expressions import Aggregate, Compare, Quantity, Read, Scope, parse
 from kybflow.runtime.conditions import bind
 

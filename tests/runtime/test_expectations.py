@@ -7,7 +7,7 @@ from math import sqrt
 import pytest
 from fake_view import FakeView
 
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Span, Text
 from kybflow.dsl.expressions import Scope, parse
 from kybflow.dsl.plan import ExpectationPlan
 from kybflow.runtime.expectations import Judge, Verdict

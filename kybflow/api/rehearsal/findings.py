@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3
 from kybflow.core.units import DURATION, LENGTH, format_quantity
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 
 _EMIT = "give a person's events at other times with `--emit NAME@TIME`"
 

@@ -34,8 +34,7 @@ from kybflow.core.signals import (
 )
 from kybflow.core.units import format_measured
 from kybflow.drivers.kinematic import Kinematic, KinematicParams
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity, has_errors, in_order
-from kybflow.dsl.diagnostics.render import render_all, to_json
+from kybflow.dsl.diagnostics import Diagnostic, Severity, has_errors, in_order, render_all, to_json
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, Plan
 from kybflow.inputs.rows import InputRow, head, line
 from kybflow.parts import Estimator, Tracker

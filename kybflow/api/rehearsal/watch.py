@@ -18,8 +18,8 @@ from kybflow.core.geometry import Vec3, distance, least_distance, sub
 from kybflow.core.params import named_in
 from kybflow.core.signals import Event
 from kybflow.core.units import DURATION, format_quantity
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.expressions.describe import describe
+from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.expressions.tree import describe
 from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan
 from kybflow.parts import GROUND
 from kybflow.runtime.engine import Engine

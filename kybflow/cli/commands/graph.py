@@ -29,7 +29,7 @@ def command(
       kybflow graph missions/figure_eight.yaml
       kybflow graph missions/figure_eight.yaml --format svg --out eight.svg
     """
-    from kybflow.dsl.graph.mermaid import mermaid
+    from kybflow.dsl.graph.drawing import mermaid
     from kybflow.dsl.graph.svg import svg
 
     plan, _ = compiled(mission, target, sets)

@@ -10,7 +10,7 @@ from kybflow.core.geometry import Vec3
 from kybflow.core.params import fields_of
 from kybflow.core.units import DURATION, LENGTH, MASS, format_quantity
 from kybflow.dsl.expressions import describe
-from kybflow.dsl.expressions.describe import quantity
+from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.graph.drawing import cause_of
 from kybflow.dsl.plan import (
     ActionPlan,

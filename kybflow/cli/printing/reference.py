@@ -26,7 +26,7 @@ from kybflow.core.errors import KybflowError
 from kybflow.core.params import Field, fields_of, type_of
 from kybflow.core.signals import MeasurementKind, kind_name
 from kybflow.core.units import Vec3
-from kybflow.dsl.diagnostics.render import render
+from kybflow.dsl.diagnostics import render
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, entries_of
 from kybflow.dsl.reading.values import bounds_of, shown_value
 from kybflow.parts.catalog import Catalog, PartSpec, own_catalog

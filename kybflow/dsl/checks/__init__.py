@@ -11,7 +11,7 @@ import functools
 import importlib
 import pkgutil
 import re
-from collections.abc import Callable, Container, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from inspect import isfunction
 from itertools import chain
@@ -19,8 +19,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Span
 from kybflow.dsl.expanding.flows import entered_states, valued_requests
 from kybflow.dsl.plan import Plan
 
@@ -51,8 +50,16 @@ def checks_in(module: ModuleType) -> Iterator[CheckFunction]:
 
 def check(plan: Plan, catalog: Catalog) -> list[Diagnostic]:
     """Return all findings of the checks in `plan`, in no particular order."""
-    found = chain(_found(Case(plan, catalog)), _found_with_values(plan, catalog))
-    return _deduplicated(found, plan.fleet)
+
+    def blank(match: re.Match[str]) -> str:
+        return "" if match[1] in plan.fleet else match[0]
+
+    # several vehicles may share a mistake, and several paths may lead to it: the first is kept
+    first: dict[tuple[str, Span, str], Diagnostic] = {}
+    for finding in chain(_found(Case(plan, catalog)), _found_with_values(plan, catalog)):
+        message = _NAMED.sub(blank, finding.message)
+        first.setdefault((finding.code, finding.span, message), finding)
+    return list(first.values())
 
 
 def _found(case: Case) -> Iterator[Diagnostic]:
@@ -60,9 +67,9 @@ def _found(case: Case) -> Iterator[Diagnostic]:
 
 
 def _found_with_values(plan: Plan, catalog: Catalog) -> Iterator[Diagnostic]:
-    """Yield the findings for requests with values: for each, check the mission with the values in
-    place of those of the state that it enters. Findings that the plain mission has too are dropped
-    later as duplicates."""
+    """Yield the findings about requests with values. For each request, the mission is checked with
+    these values in place of those of the entered state. `check` later drops the findings that the
+    mission also has without them."""
     for asked in valued_requests(plan):
         entered = dict(entered_states(plan, asked))
         if not entered:
@@ -80,17 +87,3 @@ def _found_with_values(plan: Plan, catalog: Catalog) -> Iterator[Diagnostic]:
         for finding in _found(Case(plan.but(vehicles=vehicles), catalog)):
             is_there = finding.span.is_in(source.node.span)
             yield finding if is_there else replace(finding, notes=(*finding.notes, note))
-
-
-def _deduplicated(found: Iterable[Diagnostic], vehicles: Container[str]) -> list[Diagnostic]:
-    """Return the findings without repetitions: several vehicles may share a mistake, and several
-    paths may lead to it. The first of equal findings is kept."""
-
-    def blank(match: re.Match[str]) -> str:
-        return "" if match[1] in vehicles else match[0]
-
-    first: dict[tuple[str, Span, str], Diagnostic] = {}
-    for finding in found:
-        message = _NAMED.sub(blank, finding.message)
-        first.setdefault((finding.code, finding.span, message), finding)
-    return list(first.values())

@@ -8,8 +8,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.core.units import ANGLE, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case, wrong_goal
 from kybflow.dsl.checks.limits import LIMITS
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.diagnostics import Diagnostic, Findings, Text
 from kybflow.dsl.names import option_values, unknown_vehicle
 from kybflow.dsl.plan import ActionKeys
 from kybflow.dsl.reading.nodes import Node
@@ -17,7 +16,8 @@ from kybflow.dsl.reading.values import shown_value
 from kybflow.parts import Act
 
 _ROUNDING = 1e-6
-_TIGHTEN = "tighten its parameters with `set` instead"
+
+_TOO_MUCH = {"tilt": "tilt that far", "speed": "fly that fast", "climb": "climb that fast"}
 
 
 def switches(case: Case) -> Iterator[Diagnostic]:
@@ -92,12 +92,13 @@ def set_beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
             if name not in LIMITS or dimension not in (SPEED, ANGLE) or value is None:
                 continue
             if limit is not None and value > limit + _ROUNDING:
+                most = format_quantity(limit, dimension)
                 yield Diagnostic(
                     "KYB442",
-                    f"`{option.name}` is set to more than `{vehicle}` can do",
+                    f"`{vehicle}` can't {_TOO_MUCH[name]}",
                     node.span,
-                    label=f"its airframe has a {name} of {format_quantity(limit, dimension)}",
-                    help="set a lower value",
+                    label=f"its airframe allows {most}",
+                    help=f"set at most `{most}`",
                 )
                 break
 
@@ -115,26 +116,23 @@ def switched_off(case: Case) -> Iterator[Diagnostic]:
         vehicles = case.plan.members(first)
         if not vehicles:
             yield unknown_vehicle("KYB235", name, case.plan, end=len(first))
-        for vehicle in vehicles[:1] if rest.startswith("supervisors.") else vehicles:
-            finding = _not_switchable(case, vehicle, name, rest)
-            if finding is not None:
-                yield finding
-
-
-def _not_switchable(case: Case, vehicle: str, name: Text, rest: str) -> Diagnostic | None:
-    processors = {use.label: use for use in case.plan.fleet[vehicle].processors}
-    place = name.part(len(name.text) - len(rest), len(name.text))
-    if rest.startswith("supervisors."):
-        message = f"`{name.text}` can't be switched off or on: supervisors are always on"
-        return Diagnostic("KYB235", message, place, help=_TIGHTEN)
-    if rest not in processors:
-        message = f"`{vehicle}` has no processor `{rest}`"
-        hint = did_you_mean(rest, [p for p, use in processors.items() if not use.cls.safety])
-        return Diagnostic("KYB235", message, place, label="unknown", help=hint)
-    if processors[rest].cls.safety:
-        message = f"`{name.text}` can't be switched off or on: it keeps the vehicle safe"
-        return Diagnostic("KYB235", message, place, help=_TIGHTEN)
-    return None
+        place = name.part(len(name.text) - len(rest), len(name.text))
+        is_supervisor = rest.startswith("supervisors.")
+        for vehicle in vehicles[:1] if is_supervisor else vehicles:
+            processors = {use.label: use for use in case.plan.fleet[vehicle].processors}
+            why, hint = "it keeps the vehicle safe", "tighten its parameters with `set` instead"
+            if is_supervisor:
+                why = "supervisors are always on"
+            elif rest not in processors:
+                message = f"`{vehicle}` has no processor `{rest}`"
+                known = [p for p, use in processors.items() if not use.cls.safety]
+                hint = did_you_mean(rest, known)
+                yield Diagnostic("KYB235", message, place, label="unknown", help=hint)
+                continue
+            elif not processors[rest].cls.safety:
+                continue
+            message = f"`{name.text}` can't be switched off or on: {why}"
+            yield Diagnostic("KYB235", message, place, help=hint)
 
 
 def unknown_acts(case: Case) -> Iterator[Diagnostic]:

@@ -10,19 +10,12 @@ from typing import Any, NamedTuple
 
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.params import Field, fields_of, fields_with
-from kybflow.core.units import (
-    ACCELERATION,
-    ANGLE,
-    DURATION,
-    LENGTH,
-    SPEED,
-)
+from kybflow.core.units import ACCELERATION, ANGLE, DURATION, LENGTH, SPEED
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.limits import LIMITS
 from kybflow.dsl.checks.space import footprints
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.expressions.describe import quantity
+from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.plan import PartPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 
@@ -37,7 +30,12 @@ _CLIMBS = 0.1
 def several_turns(case: Case) -> Iterator[Diagnostic]:
     """KYB426: an angle is larger than one turn, such as `90 rad` instead of `90 deg` (a
     warning)."""
-    for span, name, value in _angles(case):
+    angles = [(v.span_of("start", "heading"), "heading", v.heading) for v in case.plan.vehicles]
+    for number in case.cached(_written):
+        name = number.field.name
+        if number.field.dimension is ANGLE:
+            angles.append((number.part.span_of(name), name, number.value))
+    for span, name, value in angles:
         if abs(value) > _TURN + _ROUNDING:
             yield Diagnostic(
                 "KYB426",
@@ -49,17 +47,8 @@ def several_turns(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _angles(case: Case) -> Iterator[tuple[Span, str, float]]:
-    """Yield (span, name, value in rad) for every angle in the mission."""
-    for vehicle in case.plan.vehicles:
-        yield vehicle.span_of("start", "heading"), "heading", vehicle.heading
-    for number in case.cached(_written):
-        if number.field.dimension is ANGLE:
-            yield number.part.span_of(number.field.name), number.field.name, number.value
-
-
 class _Number(NamedTuple):
-    """A number in the mission that is a parameter of a behavior."""
+    """A number that the mission gives to a parameter of a behavior."""
 
     vehicle: VehiclePlan
     part: PartPlan
@@ -98,20 +87,26 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
             extent = fence.size[2] if is_height else max(fence.size)
             if value is None or value <= (extent if is_height else 0.5 * extent):
                 continue
-            usual, across = quantity(_usual(field), LENGTH), "high" if is_height else "wide"
+            usual, size = quantity(_usual(field), LENGTH), quantity(extent, LENGTH)
+            what = f"`{field.name}` of {quantity(value, LENGTH)}"
+            message = f"{what} leaves no room to fly inside the fence"
+            note = f"that is more than half of the fence's longest side, {size}"
+            if is_height:
+                message, note = f"{what} is higher than the fence", f"the fence is {size} high"
+            elif field.name == "tolerance":
+                message = f"with a {what}, `{part.alias}` is done almost anywhere inside the fence"
             yield Diagnostic(
                 "KYB427",
-                f"`{field.name}` of `{part.alias}` is too large to have an effect in this fence",
+                message,
                 part.span_of(field.name),
-                label=quantity(value, LENGTH),
-                notes=(f"the fence is {quantity(extent, LENGTH)} {across}",),
+                notes=(note,),
                 help=f"write a smaller value, such as `{field.name}: {usual}`",
                 severity=Severity.WARNING,
             )
 
 
 def _parts(case: Case) -> Iterator[PartPlan]:
-    """Yield every behavior and processor."""
+    """Yield every behavior and processor of every vehicle."""
     for vehicle in case.plan.vehicles:
         yield from (state.behavior for state in vehicle.states.values())
         yield from vehicle.processors
@@ -130,14 +125,13 @@ def beyond_any_tilt(case: Case) -> Iterator[Diagnostic]:
         lift = airframe.max_thrust / airframe.mass - GRAVITY
         most = max(GRAVITY * tan(airframe.tilt), lift)
         if field.dimension is ACCELERATION and number.value > most + _ROUNDING:
-            usual = quantity(_usual(field), ACCELERATION)
+            usual, limit = quantity(_usual(field), ACCELERATION), quantity(most, ACCELERATION)
             yield Diagnostic(
                 "KYB428",
-                f"`{vehicle.name}` can't accelerate like that",
+                f"`{vehicle.name}` can't accelerate that fast",
                 part.span_of(field.name),
-                label=quantity(number.value, ACCELERATION),
-                notes=(f"its tilt and its rotors give at most {quantity(most, ACCELERATION)}",),
-                help=f"write a smaller value, such as `{field.name}: {usual}`",
+                label=f"its tilt and its rotors allow {limit}",
+                help=f"write at most `{field.name}: {limit}`; usual is {usual}",
                 severity=Severity.WARNING,
             )
 

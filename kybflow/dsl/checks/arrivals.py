@@ -8,7 +8,7 @@ from typing import NamedTuple
 from kybflow.dsl.checks.case import Case, part_of
 from kybflow.dsl.checks.flows import Assignment, assignments, phases
 from kybflow.dsl.checks.reachability import endless_states
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import Arrive, PhasePlan, VehiclePlan
 
@@ -36,7 +36,7 @@ def nobody_to_wait_for(case: Case) -> Iterator[Diagnostic]:
             who = "only " + "".join(f"`{name}`" for name in vehicles) if vehicles else "no vehicle"
             yield Diagnostic(
                 "KYB530",
-                f"`{phase.name}` runs {who}, so `arrive: {phase.arrive}` makes no sense",
+                f"`{phase.name}` runs {who}, so `arrive: {phase.arrive}` has no effect",
                 phase.span_of("arrive"),
                 label="needs at least two vehicles",
                 help="remove it, or add the other vehicles to `run`",
@@ -59,19 +59,15 @@ def has_no_pace(case: Case) -> Iterator[Diagnostic]:
             if cls is None or (cls.keeps_pace and not is_chain):
                 continue
             what = "a chain" if is_chain else f"`{part_of(vehicle, goal)}`"
+            paced = (f"`{s.name}`" for s in case.parts("behaviors") if s.cls.keeps_pace)
             yield Diagnostic(
                 "KYB531",
                 f"`{assignment.goal.text}` of `{assignment.vehicle}` can't keep a common pace",
                 assignment.goal.span,
                 label=f"{what} has no pace to adjust",
                 notes=(_said(phase, assignment),),
-                help=f"use {_paced(case)}, or write `arrive: in_turns`",
+                help=f"use {' or '.join(paced)}, or write `arrive: in_turns`",
             )
-
-
-def _paced(case: Case) -> str:
-    """Return the names of the behaviors that keep a common pace, as text."""
-    return " or ".join(f"`{spec.name}`" for spec in case.parts("behaviors") if spec.cls.keeps_pace)
 
 
 def never_passes_its_turn(case: Case) -> Iterator[Diagnostic]:
@@ -96,7 +92,7 @@ def never_passes_its_turn(case: Case) -> Iterator[Diagnostic]:
 
 
 def _lasts(vehicle: VehiclePlan, goal: str) -> bool:
-    """Return whether a state can only be left by a failure."""
+    """Return whether a vehicle leaves a state only when its behavior fails."""
     if goal not in vehicle.states:
         return goal in _LASTING
     ways = {transition.cause for transition in vehicle.states[goal].transitions}

@@ -21,7 +21,7 @@ from kybflow.dsl.checks.durations import (
 from kybflow.dsl.checks.flows import handovers, runs_of
 from kybflow.dsl.checks.phases import said_states
 from kybflow.dsl.checks.reachability import FlightNode
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.expanding.flows import GROUNDED, own_vehicles
 from kybflow.dsl.plan import FlowPlan, PhasePlan, TransitionPlan
 from kybflow.parts.observables import is_in
@@ -38,7 +38,10 @@ def barrier_too_short(case: Case) -> Iterator[Diagnostic]:
         for name, states in known.items():
             phase = flow.phases[name]
             limit = next((t for t in phase.transitions if t.cause == "within"), None)
-            if limit is None or limit.after is None or not _may_be_late(case, phase, limit.after):
+            vehicles = [case.plan.fleet[name] for name in runs_of(case, phase)]
+            if limit is None or limit.after is None:
+                continue
+            if all(no_way_exceeds(case, vehicle, limit.after) for vehicle in vehicles):
                 continue
             ways = (t for t in phase.transitions if t is not limit)
             waits = [_least_wait(case, phase, t, states) for t in ways]
@@ -73,8 +76,8 @@ def flow_too_long(case: Case) -> Iterator[Diagnostic]:
 
 
 def flow_ways(case: Case) -> Iterator[tuple[FlowPlan, Way]]:
-    """Yield the quickest path through the phases of each flow that has its vehicles from the
-    start."""
+    """Yield the quickest path through the phases of each flow to which vehicles belong from the
+    start of the mission."""
     for flow, states in () if case.plan.faults else case.cached(_undisturbed):
         if own_vehicles(case.plan, flow):
             ways = quickest(
@@ -89,8 +92,8 @@ def flow_ways(case: Case) -> Iterator[tuple[FlowPlan, Way]]:
 def _phases_ahead(
     case: Case, flow: FlowPlan, states: dict[str, dict[str, str]], name: str
 ) -> Iterator[tuple[str, float]]:
-    """Yield the phases that follow a phase, each with the least seconds until then. `within` counts
-    only if it is the only exit."""
+    """Yield (phase, seconds) for each phase that may follow a phase: the least time until it
+    begins. A `within` counts only if no other transition leaves the phase."""
     phase = flow.phases.get(name)
     if phase is None:
         return
@@ -102,15 +105,9 @@ def _phases_ahead(
         yield transition.target, max(own_wait(transition), way.seconds)
 
 
-def _may_be_late(case: Case, phase: PhasePlan, limit: float) -> bool:
-    """Return whether the states that a phase runs may take longer than its limit."""
-    vehicles = (case.plan.fleet[name] for name in runs_of(case, phase))
-    return any(not no_way_exceeds(case, vehicle, limit) for vehicle in vehicles)
-
-
 def _undisturbed(case: Case) -> Iterator[tuple[FlowPlan, dict[str, dict[str, str]]]]:
-    """Yield each flow with the known states of its vehicles, by phase; none if a callback may
-    disturb flows."""
+    """Yield each flow with the known states of its vehicles on entry to each phase. Yields nothing
+    if a callback may disturb flows."""
     for flow in () if case.cached(disturbances) else case.plan.flows:
         yield flow, _known_states(case, flow)
 
@@ -118,8 +115,8 @@ def _undisturbed(case: Case) -> Iterator[tuple[FlowPlan, dict[str, dict[str, str
 def _least_wait(
     case: Case, phase: PhasePlan, transition: TransitionPlan, states: dict[str, str]
 ) -> tuple[str, Way]:
-    """Return (the vehicle that takes longest, its quickest path) until an exit of a phase can be
-    taken."""
+    """Return (vehicle, path) for the vehicle that takes longest until a transition of a phase can
+    be taken, with its quickest path."""
     slowest = ("", Way(0.0))
     run = runs_of(case, phase)
     for name, state in said_states(case.condition(transition, "when", case.scopes.flow())):

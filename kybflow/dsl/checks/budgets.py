@@ -25,16 +25,10 @@ from kybflow.dsl.checks.durations import (
 )
 from kybflow.dsl.checks.reachability import FlightNode, endless_states, entries_of, flight_graph
 from kybflow.dsl.checks.space import the_time_limit
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 from kybflow.dsl.expressions import (
-    Eventually,
-    Expression,
-    Finally,
-    Finished,
-    GroupInState,
-    InState,
     parse,
+    tree,
 )
 from kybflow.dsl.names import end_of
 from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
@@ -56,27 +50,23 @@ def within_too_short(case: Case) -> Iterator[Diagnostic]:
             if transition.since:
                 least, what = _least_of_chain(case, vehicle, state, transition), transition.since
             if exceeds(least, transition.after):
+                then = next((t.target for t in state.transitions if t.cause == "then"), None)
+                end = end_of(state.behavior.cls.flight) if then is None else then
                 yield Diagnostic(
                     "KYB430",
                     f"`{what}` can't end within {seconds_of(transition.after)}",
                     transition.span,
                     label=f"needs at least {seconds_of(least)}",
                     help="allow more time, or shorten the flight",
-                    severity=_severity(state, transition),
+                    severity=Severity.WARNING if end == transition.target else Severity.ERROR,
                 )
-
-
-def _severity(state: StatePlan, limit: TransitionPlan) -> Severity:
-    then = next((t.target for t in state.transitions if t.cause == "then"), None)
-    end = end_of(state.behavior.cls.flight) if then is None else then
-    return Severity.WARNING if end == limit.target else Severity.ERROR
 
 
 def _least_of_chain(
     case: Case, vehicle: VehiclePlan, state: StatePlan, transition: TransitionPlan
 ) -> float:
-    """Return the least time from the first state of a chain to a state outside it; 0 for the other
-    states of the chain."""
+    """Return the least time that a vehicle spends in a chain, s, if `state` is the chain's first
+    state; 0 for its other states."""
     chain = transition.since
     limit = transition.after or 0.0
     if vehicle.goal(chain) != state.name or no_way_exceeds(case, vehicle, limit):
@@ -133,7 +123,9 @@ def left_at_once(case: Case) -> Iterator[Diagnostic]:
     warning)."""
     for vehicle, state in case.states():
         for transition in state.transitions:
-            if transition.after is None or not _is_at_once(transition):
+            after = transition.after
+            is_guarded = transition.when is not None or transition.event is not None
+            if after is None or after >= _AT_ONCE or is_guarded:
                 continue
             is_flown = any(leg.end is AIR for leg in state.behavior.cls.flight)
             if not is_flown or _is_told(case, vehicle, state, transition):
@@ -142,23 +134,17 @@ def left_at_once(case: Case) -> Iterator[Diagnostic]:
                 "KYB448",
                 f"`{transition.since or state.name}` is left before it has done anything",
                 transition.span,
-                label=f"after {seconds_of(transition.after or 0.0)}",
+                label=f"after {seconds_of(after)}",
                 help="wait longer, or remove this transition",
                 severity=Severity.WARNING,
             )
 
 
-def _is_at_once(transition: TransitionPlan) -> bool:
-    """Return whether a transition waits only for time, and for less than 0.1 s."""
-    is_alone = transition.when is None and transition.event is None
-    return is_alone and transition.after is not None and transition.after < _AT_ONCE
-
-
 def _is_told(
     case: Case, vehicle: VehiclePlan, state: StatePlan, transition: TransitionPlan
 ) -> bool:
-    """Return whether KYB430, KYB431 or another state of the same chain already reports this
-    transition."""
+    """Return whether this transition is already reported, by KYB430 or KYB431 or at another state
+    of the same chain."""
     if transition.since and vehicle.goal(transition.since) != state.name:
         return True
     if (vehicle, state, transition) not in case.cached(_timed):
@@ -171,8 +157,8 @@ def _is_told(
 
 
 def _timed(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, TransitionPlan]]:
-    """Yield every transition that waits for a time, of reachable states that end by themselves and
-    of chains."""
+    """Yield every transition that waits for a time and that leaves a reachable state whose behavior
+    ends by itself, or a chain."""
     for vehicle in case.plan.vehicles:
         endless = endless_states(vehicle)
         for name in entries_of(vehicle):
@@ -191,14 +177,20 @@ def beyond_the_time_limit(case: Case) -> Iterator[Diagnostic]:
     limit = case.plan.time_limit
     for vehicle in case.cached(_left_alone):
         way = _way_to_rest(case, vehicle, limit)
-        if way is not None and not _waits_longer(vehicle, way, limit):
-            yield _over(case, vehicle, way, limit)
-
-
-def _waits_longer(vehicle: VehiclePlan, way: Way, limit: float) -> bool:
-    """Return whether a single wait on the path exceeds the limit, which KYB259 reports."""
-    states = (vehicle.states[name] for name, _ in way.steps() if name in vehicle.states)
-    return any(max(t.after or 0.0, t.hold) >= limit for s in states for t in s.transitions)
+        if way is None:
+            continue
+        states = (vehicle.states[name] for name, _ in way.steps() if name in vehicle.states)
+        if any(max(t.after or 0.0, t.hold) >= limit for s in states for t in s.transitions):
+            continue  # KYB259 reports a single wait
+        yield Diagnostic(
+            "KYB432",
+            f"`{vehicle.name}` can't land within the mission's time limit",
+            _place(case, vehicle, way),
+            label=f"flies for at least {seconds_of(way.seconds)}",
+            notes=(sum_of(way), f"its `time_limit` is {seconds_of(limit)}"),
+            help="shorten the flight, or write a longer `time_limit`",
+            related=the_time_limit(case),
+        )
 
 
 def longer_than_its_patience(case: Case) -> Iterator[Diagnostic]:
@@ -231,12 +223,23 @@ def out_of_energy(case: Case) -> Iterator[Diagnostic]:
     taken to use at least as much as hovering for the same time.
     """
     for vehicle in case.cached(_left_alone):
-        reserve = _reserve(vehicle)
-        lasts = (1.0 - reserve) * vehicle.airframe.endurance
-        for way in () if no_way_exceeds(case, vehicle, lasts) else _flights(case, vehicle):
-            if exceeds(way.seconds, lasts):
-                yield _drained(case, vehicle, way, reserve)
-                break
+        reserve, endurance = _reserve(vehicle), vehicle.airframe.endurance
+        lasts = (1.0 - reserve) * endurance
+        flights = () if no_way_exceeds(case, vehicle, lasts) else _flights(case, vehicle)
+        way = next((way for way in flights if exceeds(way.seconds, lasts)), None)
+        if way is None:
+            continue
+        hovers = f"its airframe hovers for {seconds_of(endurance)}"
+        if reserve > 0.0:
+            hovers += f", and a supervisor lands it at {format_quantity(reserve, RATIO)}"
+        yield Diagnostic(
+            "KYB434",
+            f"the battery of `{vehicle.name}` doesn't last for this flight",
+            _place(case, vehicle, way),
+            label=f"in the air for at least {seconds_of(way.seconds)}",
+            notes=(sum_of(way), hovers),
+            help="shorten the flight, or land in between",
+        )
 
 
 def begins_empty(case: Case) -> Iterator[Diagnostic]:
@@ -261,22 +264,6 @@ def begins_empty(case: Case) -> Iterator[Diagnostic]:
 def _reserve(vehicle: VehiclePlan) -> float:
     """Return the battery charge at which a supervisor lands the vehicle, from 0 to 1."""
     return max((s.cls.reserve(s.params) for s in vehicle.supervisors), default=0.0)
-
-
-def _drained(case: Case, vehicle: VehiclePlan, way: Way, reserve: float) -> Diagnostic:
-    endurance = vehicle.airframe.endurance
-    name, lands = vehicle.name, f", and a supervisor lands it at {format_quantity(reserve, RATIO)}"
-    return Diagnostic(
-        "KYB434",
-        f"the battery of `{name}` doesn't last for this flight",
-        _place(case, vehicle, way),
-        label=f"in the air for at least {seconds_of(way.seconds)}",
-        notes=(
-            sum_of(way),
-            f"its airframe hovers for {seconds_of(endurance)}{lands if reserve > 0.0 else ''}",
-        ),
-        help="shorten the flight, or land in between",
-    )
 
 
 def _flights(case: Case, vehicle: VehiclePlan) -> Iterator[Way]:
@@ -309,16 +296,18 @@ def expected_too_soon(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _too_slow(case: Case, expectation: Expression | None) -> Way | None:
+def _too_slow(case: Case, expectation: tree.Expression | None) -> Way | None:
     """Return the quickest path to the state that an expectation waits for, if it takes too long."""
     match expectation:
-        case Finished(limit):
+        case tree.Finished(limit):
             found = [_way_to_rest(case, vehicle, limit) for vehicle in case.cached(_left_alone)]
             found += [way for _, way in case.cached(flow_ways) if exceeds(way.seconds, limit)]
             is_enough = True
-        case Eventually(InState(name, state), limit) if limit is not None:
+        case tree.Eventually(tree.InState(name, state), limit) if limit is not None:
             found, is_enough = [_way_into(case, name, state, limit)], True
-        case Eventually(GroupInState(quantifier, _, names, state), limit) if limit is not None:
+        case tree.Eventually(tree.GroupInState(quantifier, _, names, state), limit) if (
+            limit is not None
+        ):
             found = [_way_into(case, name, state, limit) for name in names]
             is_enough = quantifier == "all"
         case _:
@@ -343,7 +332,8 @@ def _way_to_rest(case: Case, vehicle: VehiclePlan, limit: float) -> Way | None:
     if no_way_exceeds(case, vehicle, limit):
         return None
     ways = ways_from(case, vehicle, [_first(vehicle)])
-    rests = [way for node, way in ways.items() if _rests(vehicle, node)]
+    going_on = {name for name, state in vehicle.states.items() if state.transitions}
+    rests = (w for n, w in ways.items() if n.flight is GROUND and n.state not in going_on)
     way = min(rests, key=lambda way: way.seconds, default=None)
     return way if way is not None and exceeds(way.seconds, limit) else None
 
@@ -353,45 +343,23 @@ def _first(vehicle: VehiclePlan) -> FlightNode:
 
 
 def _left_alone(case: Case) -> Iterator[VehiclePlan]:
-    """Yield the vehicles that only their own states control: no flow or callback requests a state
-    from them, and they have no fault, unless they are expected to land in spite of it."""
+    """Yield the vehicles that follow only their own transitions: no flow or callback requests a
+    state from them, and no fault affects them. A vehicle with a fault counts if the mission expects
+    it to end in `landed`: then the failsafe must not end its flight in `fault`."""
     broken = {fault.vehicle for fault in case.plan.faults}
-    broken -= set(_expected_to_land(case)) if broken else set()
+    for text in case.plan.texts_of("expect") if broken else ():
+        match parse(text, case.scopes.expectation())[0]:
+            case tree.Finally(tree.InState(name, "landed")):
+                broken.discard(name)
+            case tree.Finally(tree.GroupInState("all", _, names, "landed")):
+                broken -= set(names)
     for vehicle in () if case.cached(disturbances) else case.plan.vehicles:
         if not vehicle.requested and vehicle.name not in broken:
             yield vehicle
 
 
-def _expected_to_land(case: Case) -> Iterator[str]:
-    """Yield the vehicles that are expected to end in `landed`, and hence not by the failsafe in
-    `fault`."""
-    for text in case.plan.texts_of("expect"):
-        match parse(text, case.scopes.expectation())[0]:
-            case Finally(InState(name, "landed")):
-                yield name
-            case Finally(GroupInState("all", _, names, "landed")):
-                yield from names
-
-
-def _rests(vehicle: VehiclePlan, node: FlightNode) -> bool:
-    state = vehicle.states.get(node.state)
-    return node.flight is GROUND and (state is None or not state.transitions)
-
-
-def _over(case: Case, vehicle: VehiclePlan, way: Way, limit: float) -> Diagnostic:
-    return Diagnostic(
-        "KYB432",
-        f"`{vehicle.name}` can't land within the mission's time limit",
-        _place(case, vehicle, way),
-        label=f"flies for at least {seconds_of(way.seconds)}",
-        notes=(sum_of(way), f"its `time_limit` is {seconds_of(limit)}"),
-        help="shorten the flight, or write a longer `time_limit`",
-        related=the_time_limit(case),
-    )
-
-
 def _place(case: Case, vehicle: VehiclePlan, way: Way) -> Span:
-    """Return the source location of the duration of the longest state on a path."""
+    """Return where the duration of the longest state on a path is written."""
     name = way.longest()
     state = vehicle.states.get(name)
     if state is None:

@@ -14,8 +14,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.events import OPERATOR, KnownEvents, emitted_by_transitions, known_events
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Diagnostic, Findings, Span, Text
 from kybflow.dsl.names import BUILT_IN, options_named
 from kybflow.dsl.plan import ActionKeys, CallbackPlan
 from kybflow.dsl.reading.nodes import entries_of, items_of
@@ -196,8 +195,8 @@ def _placeholders(
 
 
 class _Said(NamedTuple):
-    """An event that an action is certain to cause, and its field values that are known in
-    advance."""
+    """An event that an action is certain to cause. fields: the values of its fields that are known
+    before the flight."""
 
     vehicle: str
     event: str
@@ -206,7 +205,7 @@ class _Said(NamedTuple):
 
 class _Way(NamedTuple):
     """A link from one callback to another: `action` of the first causes an event that triggers the
-    callback number `to`."""
+    second. to: the number of the second callback."""
 
     action: ActionKeys
     to: int
@@ -241,7 +240,8 @@ def cycles(case: Case) -> Iterator[Diagnostic]:
 
 
 def _key_span(callback: CallbackPlan, action: ActionKeys) -> Span:
-    """Return the source location of an action's key, which several targets may share."""
+    """Return where the key of an action is written. One key may have several targets, which are
+    separate actions."""
     do = callback.entry("do")
     items = () if do is None else items_of(do.value)
     own = next(item for item in items if action.span.is_in(item.span))
@@ -260,14 +260,9 @@ def _ways(case: Case, callbacks: list[CallbackPlan], heard: list[str]) -> dict[i
         for action in callback.do:
             for said in _said(case, action):
                 listeners = hearing.get((said.vehicle, said.event), ())
-                found = [i for i in listeners if _passes(callbacks[i], said)]
+                found = [i for i in listeners if said.fields.items() >= set(callbacks[i].fields)]
                 ways.setdefault(index, []).extend(_Way(action, i) for i in found)
     return ways
-
-
-def _passes(callback: CallbackPlan, said: _Said) -> bool:
-    """Return whether the callback's filters are certain to let the event through."""
-    return all(said.fields.get(field) == value for field, value in callback.fields)
 
 
 def _said(case: Case, action: ActionKeys) -> Iterator[_Said]:
@@ -303,17 +298,14 @@ def _back(first: int, ways: dict[int, list[_Way]]) -> list[int]:
     came: dict[int, int] = {}
     waiting = [first]
     for index in waiting:
-        for way in ways.get(index, ()):
-            if way.to == first:
-                return _path(first, index, came)
-            if way.to not in came:
-                came[way.to] = index
-                waiting.append(way.to)
-    return []
-
-
-def _path(first: int, last: int, came: dict[int, int]) -> list[int]:
-    path = [last]
-    while path[-1] != first:
+        targets = [way.to for way in ways.get(index, ())]
+        for target in targets:
+            if target not in came:
+                came[target] = index
+                waiting.append(target)
+        if first in targets:
+            break
+    path = [came[first]] if first in came else []
+    while path and path[-1] != first:
         path.append(came[path[-1]])
     return path[::-1]

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, TypeVar, cast
 
 from kybflow.core.errors import PartError
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, goals_like
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.diagnostics import Diagnostic, Text, goals_like
 from kybflow.dsl.expressions import Condition, Scope, parse
 from kybflow.dsl.expressions.tokens import KEYWORDS
 from kybflow.dsl.language.records import Record
 from kybflow.dsl.names import BUILT_IN, Scopes
 from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import Behavior, Flight, Leg
+from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     from typing import Any
@@ -134,3 +134,23 @@ def no_state(code: str, name: Text, vehicle: VehiclePlan, more: tuple[str, ...] 
         label="unknown",
         help=did_you_mean(name.text, (*vehicle.known[key], *more)),
     )
+
+
+def contexts(case: Case) -> Iterator[tuple[VehiclePlan, VehicleContext]]:
+    """Yield every vehicle with its context. The contexts have no tags, because there may be
+    thousands."""
+    plan = case.plan
+    diameters = {vehicle.name: vehicle.airframe.diameter for vehicle in plan.vehicles}
+    starts = {vehicle.name: vehicle.start for vehicle in plan.vehicles}
+    for vehicle in plan.vehicles:
+        driver, airframe = vehicle.driver, vehicle.airframe
+        context = VehicleContext(
+            vehicle.name, airframe, vehicle.start, vehicle.heading, plan.fence,
+            1.0 / plan.control_rate, vehicle.home, plan.obstacles, diameters,
+            cameras=vehicle.own_cameras,
+            payload=vehicle.payload,
+            loop=driver.cls.inner_loop(driver.params, airframe),
+            starts=starts,
+            groups=plan.groups,
+        )  # fmt: skip
+        yield vehicle, context

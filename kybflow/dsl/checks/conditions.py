@@ -13,22 +13,12 @@ from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case, transitions_of
 from kybflow.dsl.checks.space import the_time_limit
 from kybflow.dsl.checks.transitions import reached_states
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.diagnostics import Diagnostic, Text
 from kybflow.dsl.expressions import (
-    Always,
-    Compare,
-    Condition,
-    Eventually,
-    Finally,
-    GroupInState,
-    InState,
-    Read,
     Scope,
-    Word,
     parse,
+    tree,
 )
-from kybflow.dsl.expressions.tree import Aggregate
 from kybflow.dsl.language.records import Record
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts.observables import chains_of
@@ -71,12 +61,13 @@ def expectations(case: Case) -> Iterator[Diagnostic]:
 
 class TypedCondition(NamedTuple):
     """A condition as written and as parsed. own: the vehicle that it belongs to; None for an
-    expectation, a callback or a flow. is_expected: whether it belongs to an expectation."""
+    expectation, a callback or a flow. key: the key under which it is written: `when`, `healthy` or
+    `expect`."""
 
     text: Text
-    condition: Condition
+    condition: tree.Condition
     own: str | None
-    is_expected: bool = False
+    key: str
 
 
 def after_the_end(case: Case) -> Iterator[Diagnostic]:
@@ -141,17 +132,17 @@ def _typed(
 ) -> Iterator[TypedCondition]:
     text, condition = owner.text_of(key), case.condition(owner, key, scope)
     if text is not None and condition is not None:
-        yield TypedCondition(text, condition, own)
+        yield TypedCondition(text, condition, own, key)
 
 
 def expected_conditions(case: Case) -> Iterator[TypedCondition]:
     """Yield the condition of every expectation, without its `always`, `eventually` or `finally`."""
     for text in case.plan.texts_of("expect"):
         match parse(text, case.scopes.expectation())[0]:
-            case Always(condition) | Eventually(condition) | Finally(condition):
-                yield TypedCondition(text, condition, None, is_expected=True)
-            case Compare(left=Aggregate()) as condition:
-                yield TypedCondition(text, condition, None, is_expected=True)
+            case tree.Always(condition) | tree.Eventually(condition) | tree.Finally(condition):
+                yield TypedCondition(text, condition, None, "expect")
+            case tree.Compare(left=tree.Aggregate()) as condition:
+                yield TypedCondition(text, condition, None, "expect")
 
 
 _STICKS = "sticks."
@@ -159,10 +150,11 @@ _ESTIMATED = ("state.", "estimate.", "position_error", "velocity_error", "estima
 
 
 def never_entered(case: Case) -> Iterator[Diagnostic]:
-    """KYB257: a condition or an expectation asks for a state that its vehicle never enters.
+    """KYB257: a condition or an expectation names a state that its vehicle never enters.
 
-    The state exists, but no transition, callback or flow leads to it; it came through `like`, else
-    KYB204 would say so. A statistic of it is of no tick, an `eventually` of it fails.
+    The state exists because the vehicle inherits it through `like`, but no transition, callback or
+    flow leads to it (other unreachable states are reported as KYB204). A statistic of such a state
+    has no values, and an `eventually` of it fails.
     """
     never = {v.name: _never(v) for v in case.plan.vehicles}
     if not any(never.values()):
@@ -189,18 +181,18 @@ def _never(vehicle: VehiclePlan) -> frozenset[str]:
     return frozenset(known - entered)
 
 
-def named_states(condition: Condition, own: str | None) -> Iterator[tuple[str, str]]:
+def named_states(condition: tree.Condition, own: str | None) -> Iterator[tuple[str, str]]:
     """Yield (vehicle, state) for each state that a condition names. own: the vehicle that the
     condition belongs to."""
     for node in nodes(condition):
         match node:
-            case InState(vehicle, state):
+            case tree.InState(vehicle, state):
                 yield vehicle, state
-            case GroupInState(_, _, vehicles, state):
+            case tree.GroupInState(_, _, vehicles, state):
                 yield from ((vehicle, state) for vehicle in vehicles)
-            case Aggregate(_, _, str(vehicle), str(state)):
+            case tree.Aggregate(_, _, str(vehicle), str(state)):
                 yield vehicle, state
-            case Compare(_, Read(vehicle, "behavior"), Word(state)):
+            case tree.Compare(_, tree.Read(vehicle, "behavior"), tree.Word(state)):
                 yield vehicle or own or "", state
 
 
@@ -217,11 +209,10 @@ def not_measured(case: Case) -> Iterator[Diagnostic]:
         if not is_blind and _STICKS not in typed.text.text:
             continue
         for node in nodes(typed.condition):
-            vehicle = case.plan.fleet.get(_subject(node, typed))
-            if vehicle is None or not isinstance(node, Read):
+            if not isinstance(node, tree.Read):
                 continue
-            lacking = _lacking(case, vehicle, node.name)
-            if lacking:
+            vehicle = case.plan.fleet.get(node.vehicle or typed.own or "")
+            if vehicle is not None and (lacking := _lacking(case, vehicle, node.name)):
                 yield Diagnostic(
                     "KYB258",
                     f"`{node.name}` of `{vehicle.name}` is never known",
@@ -231,12 +222,8 @@ def not_measured(case: Case) -> Iterator[Diagnostic]:
                 )
 
 
-def _subject(node: object, typed: TypedCondition) -> str:
-    return (node.vehicle or typed.own or "") if isinstance(node, Read) else ""
-
-
 def _lacking(case: Case, vehicle: VehiclePlan, name: str) -> str:
-    """Return a message that says what the vehicle lacks to know a value; empty if it lacks
+    """Return in words what the vehicle lacks so that a value is never known; empty if it lacks
     nothing."""
     driver = vehicle.driver
     if name.startswith("battery.") and Battery not in driver.cls.provides:

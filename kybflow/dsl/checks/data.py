@@ -5,14 +5,14 @@ measurement ─► estimator          behavior ─► processors ─► tracker 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from enum import Enum
 from typing import NamedTuple
 
 from kybflow.core.signals import CommandKind, MeasurementKind, SetpointKind, kind_name
 from kybflow.dsl.checks.case import Case, part_of
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.expanding.targets import divides, provided
 from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, VehiclePlan
@@ -46,16 +46,12 @@ def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
             key = kind, any(leg.start is leg.end for leg in case.legs(vehicle, name))
             if key not in walked:
                 walked[key] = _refusal(vehicle, *key)
-            if (refusal := walked[key]) is not None and not _lands_itself(vehicle, name, kind):
+            # a vehicle may land blind in a mode of its own instead of in the built-in state
+            lands_itself = isinstance(kind, CommandKind) and name in BUILT_IN
+            lands_itself = lands_itself and driver.cls.lands_blind
+            if (refusal := walked[key]) is not None and not lands_itself:
                 origin = f"{name}` ({part_of(vehicle, name)})"
                 yield _gap(refusal.part, refusal.what, origin, refusal.takes)
-
-
-def _lands_itself(vehicle: VehiclePlan, name: str, kind: SetpointKind | CommandKind) -> bool:
-    """Return whether the vehicle lands blind in a mode of its own instead of in the built-in
-    state."""
-    is_command = isinstance(kind, CommandKind)
-    return is_command and name in BUILT_IN and vehicle.driver.cls.lands_blind
 
 
 class _Refusal(NamedTuple):
@@ -94,7 +90,8 @@ def _fitting_tracker(case: Case, vehicle: VehiclePlan, takes: frozenset[CommandK
     whose commands the driver takes and that needs no parameters. Empty if there is none."""
     asked = vehicle.driver.cls.tracker(vehicle.driver.params)
     if asked is not None:
-        return _with_tracker(case, vehicle, _written(asked))
+        keys = ", ".join(f"{name}: {value}" for name, value in asked.items())
+        return _with_tracker(case, vehicle, asked["use"] if len(asked) == 1 else f"{{{keys}}}")
     for spec in case.parts("trackers"):
         if any(field.required for field in spec.fields):
             continue
@@ -106,12 +103,6 @@ def _fitting_tracker(case: Case, vehicle: VehiclePlan, takes: frozenset[CommandK
 def _with_tracker(case: Case, vehicle: VehiclePlan, tracker: str) -> str:
     own = f"{vehicle.name}: {{tracker: {tracker}}}"
     return f"write `targets: {{{case.plan.target}: {{{own}}}}}`"
-
-
-def _written(asked: Mapping[str, str]) -> str:
-    if len(asked) == 1:
-        return asked["use"]
-    return f"{{{', '.join(f'{name}: {value}' for name, value in asked.items())}}}"
 
 
 def _gap(part: PartPlan, what: str, origin: str, takes: Collection[Enum]) -> Diagnostic:
@@ -134,6 +125,8 @@ def missing_measurements(case: Case) -> Iterator[Diagnostic]:
     provides."""
     for vehicle in case.plan.vehicles:
         provides = provided(vehicle)
+        parts = ", ".join(dict.fromkeys(f"`{use.part.name}`" for use in vehicle.sensors))
+        sources = f"`{vehicle.driver.name}`" + (f" and {parts} provide" if parts else " provides")
         for use in vehicle.estimators:
             missing = use.part.cls.uses(use.part.params) - provides
             for kind in sorted(missing, key=kind_name):
@@ -142,16 +135,9 @@ def missing_measurements(case: Case) -> Iterator[Diagnostic]:
                     "KYB302",
                     f"`{use.part.name}` needs {kind_name(kind)} measurements",
                     use.part.span,
-                    label=f"{_sources(vehicle)} {given}",
+                    label=f"{sources} {given}",
                     help=_way_out(case, vehicle, use, kind),
                 )
-
-
-def _sources(vehicle: VehiclePlan) -> str:
-    parts = dict.fromkeys(f"`{use.part.name}`" for use in vehicle.sensors)
-    if not parts:
-        return f"`{vehicle.driver.name}` provides"
-    return f"`{vehicle.driver.name}` and {', '.join(parts)} provide"
 
 
 def _way_out(case: Case, vehicle: VehiclePlan, use: EstimatorPlan, kind: MeasurementKind) -> str:
@@ -204,16 +190,11 @@ def control_rates(case: Case) -> Iterator[Diagnostic]:
         rate = driver.cls.step_rate(driver.params)
         if rate is None or divides(control, rate):
             continue
+        nearest = rate / max(1, round(rate / control))
         yield Diagnostic(
             "KYB303",
             f"control at {control} Hz does not divide `{driver.name}` at {rate:g} Hz",
             case.plan.span_of("control") if case.plan.entry("control") else driver.span,
             label=f"{rate:g} / {control} = {rate / control:.4g}",
-            help=f"use {_divisor(rate, control)} Hz",
+            help=f"use {nearest:g} Hz",
         )
-
-
-def _divisor(rate: float, control: int) -> str:
-    """Return the rate nearest to `control` that divides `rate`, Hz."""
-    steps = max(1, round(rate / control))
-    return f"{rate / steps:g}"

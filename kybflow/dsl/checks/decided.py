@@ -9,42 +9,25 @@ from dataclasses import replace
 from math import inf
 from typing import NamedTuple
 
-from kybflow.core.units import DURATION, Dimension, format_quantity
+from kybflow.core.units import DURATION, LENGTH, Dimension, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.conditions import TypedCondition, all_conditions, named_states, nodes
 from kybflow.dsl.checks.durations import disturbances, longest_time
 from kybflow.dsl.checks.envelopes import reaches_of
 from kybflow.dsl.checks.flows import phases
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span, Text
 from kybflow.dsl.expanding.flows import written
 from kybflow.dsl.expressions import (
-    Aggregate,
-    Always,
-    And,
-    Compare,
-    Condition,
-    Distance,
-    Eventually,
-    Expression,
-    Finally,
-    Finished,
-    InState,
-    Not,
-    Quantity,
-    Read,
-    Separation,
-    Word,
     parse,
+    tree,
 )
-from kybflow.dsl.expressions.describe import quantity, shown_value
 from kybflow.dsl.expressions.reasoning import (
     Bounds,
     always_holds,
     never_holds,
     physical_bounds,
 )
-from kybflow.dsl.expressions.tree import Value
+from kybflow.dsl.expressions.tree import Value, quantity, shown_value
 from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR
 
@@ -53,8 +36,8 @@ _OF_STATES = re.compile(r"\b(?:in|behavior|elapsed)\b")
 
 
 class _Decided(NamedTuple):
-    """A condition with a known result. holds: whether it always or never holds. is_certain: whether
-    that is so in any flight, and not only in a normal one."""
+    """A condition whose result is known before the flight. holds: whether it always or never holds.
+    is_certain: whether this is true of every flight, and not only of normal ones."""
 
     typed: TypedCondition
     holds: bool
@@ -72,8 +55,9 @@ def _decided(case: Case) -> Iterator[_Decided]:
 
 
 class _Asked(NamedTuple):
-    """A condition as evaluated in a state. holds: True if it always holds there, False if it never
-    does, None if unknown. why: the explanation. hint: the help if it never holds."""
+    """The result of a condition in the state that evaluates it. holds: True if it always holds
+    there, False if it never does, None if unknown. why: the explanation. hint: the help if it never
+    holds."""
 
     text: Text
     holds: bool | None
@@ -82,7 +66,7 @@ class _Asked(NamedTuple):
 
 
 def _decided_in_states(case: Case) -> Iterator[_Asked]:
-    """Yield the conditions that have the same known result in every state that evaluates them."""
+    """Yield the conditions whose result is known and equal in all states that evaluate them."""
     found: dict[Span, list[_Asked]] = {}
     told = {one.typed.text.span for one in case.cached(_decided)}
     for vehicle, state in case.states():
@@ -102,31 +86,29 @@ def _asked_in(
 ) -> _Asked:
     own, where = vehicle.name, transition.since or state.name
     condition = case.condition(transition, "when", case.scopes.condition(own))
-    longest = inf if transition.since else _longest(case, vehicle, state)
+    # callbacks and requests with values may change how long a state lasts
+    is_other = case.cached(disturbances) or (vehicle.requested and any(case.cached(_valued)))
+    longest = inf if transition.since or is_other else longest_time(vehicle, state)
     if condition is None:
         return _Asked(text, None)
-    here = (InState(own, where), Compare("==", Read(None, "behavior"), Word(where)))
+    here = (
+        tree.InState(own, where),
+        tree.Compare("==", tree.Read(None, "behavior"), tree.Word(where)),
+    )
     bounds = _within(own, longest, reaches_of(case)(own).usual)
     why = f"evaluated in `{where}`, and a vehicle is in one state at a time"
     hint = "test another vehicle's state or an event, or remove this transition"
     if longest < inf and "elapsed" in text.text:
         why = f"`{where}` has ended by then: it lasts at most {quantity(longest, DURATION)}"
         hint = "shorten the time, or let the behavior last longer"
-    if never_holds(And((condition, *here)), bounds):
+    if never_holds(tree.And((condition, *here)), bounds):
         return _Asked(text, False, why, hint)
-    always = never_holds(And((Not(condition), *here)), bounds)
+    always = never_holds(tree.And((tree.Not(condition), *here)), bounds)
     return _Asked(text, True if always else None, why)
 
 
-def _longest(case: Case, vehicle: VehiclePlan, state: StatePlan) -> float:
-    """Return the longest duration of a state, s; infinite if callbacks or requests with values may
-    change it."""
-    is_other = case.cached(disturbances) or (vehicle.requested and any(case.cached(_valued)))
-    return inf if is_other else longest_time(vehicle, state)
-
-
 def _valued(case: Case) -> Iterator[bool]:
-    """Yield for each phase whether it enters states with values."""
+    """Yield for each phase whether it passes values to states."""
     return (any(map(written, phase.run.values())) for _, phase in phases(case.plan))
 
 
@@ -135,7 +117,7 @@ def _within(own: str, longest: float, usual: Bounds) -> Bounds:
 
     def bounds(value: object) -> tuple[float, float]:
         match value:
-            case Read(who, "elapsed") if who in (None, own):
+            case tree.Read(who, "elapsed") if who in (None, own):
                 return 0.0, min(longest, usual(value)[1])
         return usual(value)
 
@@ -186,10 +168,26 @@ def never_true(case: Case) -> Iterator[Diagnostic]:
     """
     for found in case.cached(_decided):
         if not found.holds and found.is_certain:
-            hint = "correct the bound, or write `or` where both can't hold at once"
-            if isinstance(found.typed.condition, Compare) and found.typed.is_expected:
-                hint = "correct the bound, or check one state: `min(a.state.altitude in hold)`"
-            yield _told(case, found, "KYB253", "can never hold", "never true", hint)
+            hint = "correct the bound"
+            match found.typed.condition:
+                case tree.And():
+                    hint += ", or write `or` where both can't hold at once"
+                case tree.Compare(_, tree.Aggregate("min" | "max", inner, _, None)):
+                    shown = shown_value(inner)
+                    hint += f", or check one state, such as `min({shown} in hold)`"
+                case _ if found.typed.key == "healthy":
+                    hint = "write a bound that it can reach, such as `age < 250 ms`"
+            label = _NEVER[found.typed.key]
+            yield _told(case, found, "KYB253", "can never hold", label, hint)
+
+
+_NEVER = {
+    "when": "never triggers",
+    "healthy": "the estimator is never used",
+    "expect": "always fails",
+}
+"""What follows from a condition that never holds, by the key under which it is written."""
+_ALWAYS = {"when": "triggers at once", "healthy": "is always healthy", "expect": "can't fail"}
 
 
 def always_true(case: Case) -> Iterator[Diagnostic]:
@@ -201,10 +199,11 @@ def always_true(case: Case) -> Iterator[Diagnostic]:
     for found in case.cached(_decided):
         if found.holds and found.is_certain:
             hint = "correct the bound, or remove the condition"
-            told = _told(case, found, "KYB254", "always holds", "always true", hint)
+            label = _ALWAYS[found.typed.key]
+            told = _told(case, found, "KYB254", "always holds", label, hint)
             asked = nodes(found.typed.condition)
-            of_a_state = any(isinstance(node, Aggregate) and node.state for node in asked)
-            is_empty = found.typed.is_expected and not of_a_state
+            of_a_state = any(isinstance(node, tree.Aggregate) and node.state for node in asked)
+            is_empty = found.typed.key == "expect" and not of_a_state
             yield told if is_empty else replace(told, severity=Severity.WARNING)
 
 
@@ -231,7 +230,8 @@ def generous(case: Case) -> Iterator[Diagnostic]:
     for found in case.cached(_decided):
         if found.holds and not found.is_certain:
             hint = "choose a tighter bound, or remove the condition"
-            told = _told(case, found, "KYB411", "holds in every normal flight", "always true", hint)
+            what, label = "holds in every normal flight", "checks almost nothing"
+            told = _told(case, found, "KYB411", what, label, hint)
             yield replace(told, severity=Severity.WARNING)
 
 
@@ -242,29 +242,53 @@ def _told(case: Case, found: _Decided, code: str, what: str, label: str, hint: s
 
 
 def _limits(case: Case, found: _Decided) -> Iterator[str]:
-    """Yield the ranges of the values that decide a condition, except where physical limits alone
-    do."""
+    """Yield notes with the range of each value that decides a condition, and with what limits
+    it."""
     usual, certain, _ = reaches_of(case)(found.typed.own)
     bounds, nature = (certain if found.is_certain else usual), physical_bounds(inf)
     is_known = always_holds if found.holds else never_holds
     for node in nodes(found.typed.condition):
         match node:
-            case Compare(
-                _, (Read() | Distance() | Separation() | Aggregate()) as value, Quantity(_, unit)
-            ) if is_known(node, bounds) and not is_known(node, nature):
-                yield _range(value, usual(value), unit)
+            case tree.Compare(
+                operator,
+                (tree.Read() | tree.Distance() | tree.Separation() | tree.Aggregate()) as value,
+                tree.Quantity(_, unit),
+            ) if is_known(node, bounds):
+                is_high = (operator in (">", ">=")) is not found.holds
+                if is_known(node, nature):
+                    limit = quantity(nature(value)[is_high], unit)
+                    side = "above" if is_high else "below"
+                    yield f"`{shown_value(value)}` is never {side} {limit}"
+                    continue
+                low, high = (quantity(bound, unit) for bound in usual(value))
+                why = _limited_by(value, unit, is_high, usual)
+                yield f"`{shown_value(value)}` stays between {low} and {high}, because {why}"
 
 
-def _range(value: Value | Aggregate, reached: tuple[float, float], dimension: Dimension) -> str:
-    low, high = (quantity(bound, dimension) for bound in reached)
-    return f"`{shown_value(value)}` goes from {low} to {high}"
+def _limited_by(
+    value: Value | tree.Aggregate, dimension: Dimension, is_high: bool, usual: Bounds
+) -> str:
+    """Return what limits a value to the bounds `usual`, to be read after `because`. is_high:
+    whether the upper limit is meant."""
+    if isinstance(value, tree.Aggregate):
+        if usual(value)[is_high] != usual(value.value)[is_high] and value.function != "rms":
+            return "every vehicle begins at its start"
+        value = value.value
+    match value:
+        case tree.Read(_, "estimate.age"):
+            return "no vehicle flies on an older estimate"
+        case tree.Read(_, "estimate.spread") if not is_high:
+            return "no estimate is more certain"
+    if dimension is DURATION:
+        return "the run ends at its `time_limit`"
+    return "of the fence" if dimension is LENGTH else "of the airframe"
 
 
 def false_at_first(case: Case) -> Iterator[Diagnostic]:
     """KYB412: an `always` is false in the first tick, when the vehicles are at their starts, so it
     fails in every flight."""
     for text, expression in _expected(case):
-        if not isinstance(expression, Always):
+        if not isinstance(expression, tree.Always):
             continue
         usual, _, at_first = reaches_of(case)(None)
         condition = expression.condition
@@ -282,7 +306,7 @@ def true_at_first(case: Case) -> Iterator[Diagnostic]:
     """KYB413: an `eventually` is true in the first tick, when the vehicles are at their starts, so
     it checks nothing of the flight (a warning)."""
     for text, expression in _expected(case):
-        if not isinstance(expression, Eventually):
+        if not isinstance(expression, tree.Eventually):
             continue
         usual, _, at_first = reaches_of(case)(None)
         condition = expression.condition
@@ -297,7 +321,7 @@ def true_at_first(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _expected(case: Case) -> Iterator[tuple[Text, Expression]]:
+def _expected(case: Case) -> Iterator[tuple[Text, tree.Expression]]:
     """Yield every expectation that can be parsed."""
     for text in case.plan.texts_of("expect"):
         expression = parse(text, case.scopes.expectation())[0]
@@ -306,13 +330,19 @@ def _expected(case: Case) -> Iterator[tuple[Text, Expression]]:
 
 
 def ends_in_the_air(case: Case) -> Iterator[Diagnostic]:
-    """KYB425: the end of a run decides a `finally`: a run ends when all vehicles are on the ground,
-    so none is in a state that it flies in the air."""
+    """KYB425: a `finally` has the same result in every flight, because a run ends only when all
+    vehicles are on the ground: none is then in a state that it flies in the air."""
     for text, expression in _expected(case):
-        if isinstance(expression, Finally):
-            condition, aloft = expression.condition, tuple(_aloft(case, expression.condition))
-            is_false = bool(aloft) and never_holds(And((condition, *aloft)), _unknown)
-            is_true = bool(aloft) and never_holds(And((Not(condition), *aloft)), _unknown)
+        if isinstance(expression, tree.Finally):
+            condition = expression.condition
+            aloft = tuple(
+                tree.Not(tree.InState(vehicle, state))
+                for vehicle, state in named_states(condition, None)
+                if (legs := case.legs(case.plan.fleet[vehicle], state))
+                and all(leg.end is AIR for leg in legs)
+            )
+            is_false = bool(aloft) and never_holds(tree.And((condition, *aloft)), _unknown)
+            is_true = bool(aloft) and never_holds(tree.And((tree.Not(condition), *aloft)), _unknown)
             if is_false or is_true:
                 yield Diagnostic(
                     "KYB425",
@@ -321,15 +351,6 @@ def ends_in_the_air(case: Case) -> Iterator[Diagnostic]:
                     label="a run ends on the ground",
                     help="test `landed`, or a state during the flight: `eventually a in hold`",
                 )
-
-
-def _aloft(case: Case, condition: Condition) -> Iterator[Condition]:
-    """For each state in a condition that is flown only in the air, yield the condition that its
-    vehicle is not in it."""
-    for vehicle, state in named_states(condition, None):
-        legs = case.legs(case.plan.fleet[vehicle], state)
-        if legs and all(leg.end is AIR for leg in legs):
-            yield Not(InState(vehicle, state))
 
 
 def _unknown(_: object) -> tuple[float, float]:
@@ -342,7 +363,9 @@ def longer_than_the_run(case: Case) -> Iterator[Diagnostic]:
     limit = case.plan.time_limit
     for text, expression in _expected(case):
         match expression:
-            case Eventually(_, within) | Finished(within) if within is not None and within > limit:
+            case tree.Eventually(_, within) | tree.Finished(within) if (
+                within is not None and within > limit
+            ):
                 yield Diagnostic(
                     "KYB414",
                     f"`{text.as_written}` allows more time than the run has",

@@ -25,7 +25,7 @@ from kybflow.dsl.checks.reachability import (
     flight_graph,
     may_end,
 )
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Span
 from kybflow.dsl.expressions import And, Compare, Condition, Quantity, Read
 from kybflow.dsl.names import end_of
 from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
@@ -71,7 +71,7 @@ class Way(NamedTuple):
 
 
 def sum_of(way: Way) -> str:
-    """Return the terms that add up to the path's time, as text for a note."""
+    """Return a note that adds up the times of a path: `13.6 s = `up` 4.76 s + ...`."""
     steps = way.steps()
     shown = sorted(sorted(steps, key=lambda s: -s[1])[:_MOST_SHOWN], key=steps.index)
     terms = [f"`{state}` {seconds_of(spent)}" for state, spent in shown]
@@ -122,10 +122,11 @@ def least_time(case: Case, vehicle: VehiclePlan, state: StatePlan) -> float:
 
 
 def least_from(case: Case, state: StatePlan, entry: Vec3 | None) -> float:
-    """Return the least seconds for one entry position. A landing counts as zero if there are
-    obstacles, because it may end early on top of one."""
+    """Return the least seconds that a state takes from one entry position. A landing counts as zero
+    if there are obstacles, because it may end early on top of one."""
     footprint = state.footprint(entry)
-    if footprint is None or (case.plan.obstacles and _lands(state)):
+    lands = any(leg.end is GROUND and leg.start is not GROUND for leg in state.legs)
+    if footprint is None or (case.plan.obstacles and lands):
         return 0.0
     return footprint.least_time(entry)
 
@@ -141,10 +142,6 @@ def longest_time(vehicle: VehiclePlan, state: StatePlan) -> float:
     return max(ends, default=inf) + _BEGINS
 
 
-def _lands(state: StatePlan) -> bool:
-    return any(leg.end is GROUND and leg.start is not GROUND for leg in state.legs)
-
-
 def ways_from(
     case: Case,
     vehicle: VehiclePlan,
@@ -154,11 +151,19 @@ def ways_from(
     """Return the quickest path from any node in `first` to each node that is reachable without
     failures. Paths continue only through nodes that `through` accepts."""
     edges, begins = _ahead(case, vehicle), set(first)
+    landed = FlightNode("landed", GROUND), 0.0
+    built_in: dict[str, _Edge] = {
+        "brake": (FlightNode("hover", AIR), 0.0),
+        "hover": (FlightNode("auto_land", AIR), case.plan.hover_limit),
+        "auto_land": landed,
+        "land_blind": landed,
+    }
 
     def ahead(node: FlightNode) -> Iterable[_Edge]:
         if node not in begins and not through(node):
             return ()
-        return (*edges.get(node, ()), *_built_in_ahead(case, node))
+        own = edges.get(node, ())
+        return (*own, built_in[node.state]) if node.state in built_in else own
 
     return quickest(sorted(begins, key=str), ahead, lambda node: node.state)
 
@@ -201,32 +206,18 @@ def no_way_exceeds(case: Case, vehicle: VehiclePlan, limit: float) -> bool:
     return not exceeds(vehicle.known["most"], limit)
 
 
-def _built_in_ahead(case: Case, node: FlightNode) -> Iterator[_Edge]:
-    match node.state:
-        case "brake":
-            yield FlightNode("hover", AIR), 0.0
-        case "hover":
-            yield FlightNode("auto_land", AIR), case.plan.hover_limit
-        case "auto_land" | "land_blind":
-            yield FlightNode("landed", GROUND), 0.0
-
-
 def _ahead(case: Case, vehicle: VehiclePlan) -> dict[FlightNode, list[_Edge]]:
     """Return the successors of each node of the vehicle's own states, with the least seconds until
-    then. A vehicle with a fault may fail at once."""
-    if "ahead" not in vehicle.known:
-        vehicle.known["ahead"] = _followers(case, vehicle)
-    found: dict[FlightNode, list[_Edge]] = vehicle.known["ahead"]
-    return found
-
-
-def _followers(case: Case, vehicle: VehiclePlan) -> dict[FlightNode, list[_Edge]]:
+    they are entered. A vehicle with a fault may fail at once."""
+    found: dict[FlightNode, list[_Edge]] = vehicle.known.setdefault("ahead", {})
+    if found:
+        return found
     flights, endless = flight_graph(case, vehicle), endless_states(vehicle)
     is_broken = any(fault.vehicle == vehicle.name for fault in case.plan.faults)
-    found: dict[FlightNode, list[_Edge]] = {}
     for link in flights.links:
-        fails = is_broken and link.transition.cause == "failed"
-        if fails or _is_foreseen(link.transition, link.source.state in endless):
+        is_endless = link.source.state in endless  # and may be meant to fail
+        fails = link.transition.cause == "failed" and (is_broken or is_endless)
+        if fails or may_end(link.transition, is_endless):
             target = FlightNode(link.transition.target, link.flight)
             spent = _least_before(case, vehicle, link)
             found.setdefault(link.source, []).append((target, spent))
@@ -242,12 +233,6 @@ def _followers(case: Case, vehicle: VehiclePlan) -> dict[FlightNode, list[_Edge]
     return found
 
 
-def _is_foreseen(transition: TransitionPlan, is_endless: bool) -> bool:
-    """Return whether a normal flight may take the transition. A behavior without an end may be
-    meant to fail."""
-    return may_end(transition, is_endless) or (is_endless and transition.cause == "failed")
-
-
 def _least_before(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> float:
     transition = link.transition
     if transition.cause == "then":
@@ -258,8 +243,8 @@ def _least_before(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> float:
 
 
 def own_wait(transition: TransitionPlan) -> float:
-    """Return the time in its state after which a transition can be taken, s. A transition of a
-    chain counts as zero, because its time began in an earlier state."""
+    """Return how long a transition waits in its own state before it can be taken, s. For a
+    transition of a whole chain this is zero, because its wait began in an earlier state."""
     after = 0.0 if transition.since else transition.after or 0.0
     return max(after, transition.hold)
 
@@ -274,8 +259,9 @@ def _least_elapsed(when: Condition | None, own: str) -> float:
 
 
 def _least_end(case: Case, vehicle: VehiclePlan, node: FlightNode) -> float:
-    """Return the least time of a state entered at `node`, s. On the ground it is zero for a
-    behavior that can also begin in the air, because it may be done at once."""
+    """Return the least time that the behavior of a state takes after it is entered at `node`, s. It
+    is zero on the ground if the behavior can also begin in the air, because it may be done at
+    once."""
     state = vehicle.states[node.state]
     if node.flight is GROUND and len({leg.start for leg in state.legs}) > 1:
         return 0.0
@@ -283,8 +269,8 @@ def _least_end(case: Case, vehicle: VehiclePlan, node: FlightNode) -> float:
 
 
 def blamed(case: Case, vehicle: VehiclePlan, state: StatePlan) -> Span:
-    """Return where the duration of a state is written: the parameter whose default would shorten it
-    most, if to less than half, or else the behavior's name."""
+    """Return where the duration of a state is written: the parameter that makes the state at least
+    twice as long as its default would, or else the behavior's name."""
     part, entries = state.behavior, entries_of(vehicle)[state.name].candidates()
     quickest = 0.5 * least_time(case, vehicle, state)
     span = part.span

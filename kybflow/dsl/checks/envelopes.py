@@ -42,8 +42,8 @@ class Reaches(NamedTuple):
 
 
 def reaches_of(case: Case) -> Callable[[str | None], Reaches]:
-    """Return a function that returns the bounds for the conditions of a vehicle, or of none
-    (None)."""
+    """Return a function from the name of a vehicle to the bounds that apply to its conditions. For
+    None, it returns those for conditions of no vehicle."""
     (found,) = case.cached(_reaches)
     return found
 
@@ -53,7 +53,10 @@ def _reaches(case: Case) -> list[Callable[[str | None], Reaches]]:
     kinds = (
         {name: _usual(vehicle, fence) for name, vehicle in vehicles},
         {name: _certain(vehicle, fence) for name, vehicle in vehicles},
-        {name: _at_first(vehicle) for name, vehicle in vehicles},
+        {
+            name: Envelope(v.start, *Box(v.start, v.start).grown(_PLACED), _STANDS, _LEVEL)
+            for name, v in vehicles
+        },
     )
     made: dict[str | None, Reaches] = {}
 
@@ -92,8 +95,8 @@ def _fast(vehicle: VehiclePlan) -> float:
 def _around(
     vehicle: VehiclePlan, fence: Box | None, room: Callable[[Vec3], tuple[float, ...]]
 ) -> Box:
-    """Return the box around the fence, with some room, and the start; everywhere if there is no
-    fence."""
+    """Return the box that contains the start and the fence with some room around it; everywhere if
+    there is no fence."""
     if fence is None:
         return EVERYWHERE
     x, y, z = room(fence.size)
@@ -103,8 +106,3 @@ def _around(
         (min(a, start[0]), min(b, start[1]), min(c, start[2])),
         (max(d, start[0]), max(e, start[1]), max(f, start[2])),
     )
-
-
-def _at_first(vehicle: VehiclePlan) -> Envelope:
-    low, high = Box(vehicle.start, vehicle.start).grown(_PLACED)
-    return Envelope(vehicle.start, low, high, _STANDS, _LEVEL)

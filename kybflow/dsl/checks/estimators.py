@@ -11,10 +11,9 @@ from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import the_cameras
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.expressions.describe import quantity
+from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.expressions.reasoning import Bounds, never_holds
-from kybflow.dsl.expressions.tree import Read
+from kybflow.dsl.expressions.tree import Read, quantity
 from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
 from kybflow.parts import Estimator
 
@@ -92,8 +91,7 @@ _AGE, _USUAL = "estimate.age", 0.25
 
 
 def _aged(low: float, high: float) -> Bounds:
-    """Return bounds in which the estimate's age is in this range, and all other values are
-    unbounded."""
+    """Return bounds that limit only the estimate's age: from `low` to `high`."""
 
     def bounds(value: object) -> tuple[float, float]:
         return (low, high) if isinstance(value, Read) and value.name == _AGE else (-inf, inf)

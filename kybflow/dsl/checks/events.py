@@ -9,10 +9,8 @@ from functools import cached_property
 from kybflow.core.events import AlarmRaised, BaseEvent
 from kybflow.core.signals import Frame, Pose
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.checks.case import Case, transitions_of
-from kybflow.dsl.checks.contexts import contexts
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.checks.case import Case, contexts, transitions_of
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Text
 from kybflow.dsl.language.records import Record
 from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import Plan, VehiclePlan
@@ -58,28 +56,24 @@ def _heard(records: Iterable[Record]) -> Iterator[Text]:
 
 
 def _unheard(event: Text, known: KnownEvents, own: str | None, groups: Iterable[str]) -> Diagnostic:
-    hint, notes = did_you_mean(event.text, known.names(own, groups)), list[str]()
+    hint, notes = did_you_mean(event.text, known.names(own, groups)), tuple[str, ...]()
     if "." not in event.text and any(event.text in events for events in known.of.values()):
         hint = f"it is an event of a vehicle: write `{ANY}.{event.text}` or `VEHICLE.{event.text}`"
     elif not hint.startswith("did"):
-        notes = [_of_a_person(event.text.rpartition(".")[2])]
+        name = event.text.rpartition(".")[2]
+        given = f"{OPERATOR}{name}"
+        notes = (f"a person's event is called `{given}` (test it with `--emit {given}@2s`)",)
+        hint = f"write `event: {given}`, or emit `{name}` in a callback: `{{emit: {name}}}`"
     message = f"nothing emits the event `{event.text}`"
-    return Diagnostic("KYB208", message, event.span, "never occurs", tuple(notes), hint)
-
-
-def _of_a_person(name: str) -> str:
-    """Return a note on how an operator or a callback can raise an event that no part emits."""
-    given = f"{OPERATOR}{name}"
-    return (
-        f"a person emits `{given}` (`--emit {given}@2s`), a callback any name (`{{emit: {name}}}`)"
-    )
+    return Diagnostic("KYB208", message, event.span, "never occurs", notes, hint)
 
 
 def _too_late(event: Text, known: KnownEvents) -> Iterator[Diagnostic]:
     kind = AWAITED_EVENTS.get(event.text.rpartition(".")[2], BaseEvent)
     if kind.awaited == "too late" and event.text not in known.custom:
         message = f"nothing can react to the event `{event.text}`"
-        yield Diagnostic("KYB208", message, event.span, label="the run has ended by then")
+        hint = "wait for an earlier event, or check the end of the run in `expect:`"
+        yield Diagnostic("KYB208", message, event.span, "the run has ended by then", help=hint)
 
 
 def never_emitted(case: Case) -> Iterator[Diagnostic]:
@@ -121,8 +115,8 @@ def _vain(case: Case, known: KnownEvents, event: Text, own: str | None) -> Itera
 
 
 def not_in_the_air(case: Case) -> Iterator[Diagnostic]:
-    """KYB449: a behavior that stays in the air waits for its own vehicle to have landed, which only
-    happens after another behavior has landed it."""
+    """KYB449: a behavior that keeps its vehicle in the air waits for the vehicle to have landed.
+    Only another behavior can land it."""
     for vehicle, state in case.states():
         if any(leg.start is GROUND or leg.end is not AIR for leg in state.legs):
             continue
@@ -139,7 +133,7 @@ def not_in_the_air(case: Case) -> Iterator[Diagnostic]:
 
 
 def _lacks(case: Case, name: str, event: str) -> str:
-    """Return what a vehicle lacks to have an event, in words; empty if it lacks nothing."""
+    """Return in words what a vehicle lacks to have an event; empty if it lacks nothing."""
     vehicle = case.plan.fleet[name]
     if event not in AWAITED_EVENTS:
         return _silent(case, vehicle, event)
@@ -159,8 +153,8 @@ def _lacks(case: Case, name: str, event: str) -> str:
 
 
 def _silent(case: Case, vehicle: VehiclePlan, event: str) -> str:
-    """Return a message if none of the supervisors that emit an event has anything to watch,
-    otherwise an empty string."""
+    """Return a message if an event can't occur because none of the supervisors that emit it has
+    anything to watch; otherwise an empty string."""
     emitting = [part for part in vehicle.supervisors if event in part.cls.events]
     context = next(c for v, c in case.cached(contexts) if v is vehicle) if emitting else None
     if context is None or any(event in part.cls.can_emit(context) for part in emitting):
@@ -204,7 +198,14 @@ class KnownEvents:
 
     def __init__(self, case: Case) -> None:
         self._plan = case.plan
-        self.of = {v.name: _emitted_by(v, case) for v in case.plan.vehicles}
+        always = [case.catalog.get("behaviors", name).cls for name in BUILT_IN.values()]
+        self.of = dict[str, frozenset[str]]()
+        for vehicle in case.plan.vehicles:
+            parts = [*vehicle.processors, *vehicle.supervisors, vehicle.tracker, vehicle.driver]
+            parts += [estimator.part for estimator in vehicle.estimators]
+            parts += [state.behavior for state in vehicle.states.values()]
+            classes = [*always, *(part.cls for part in parts)]
+            self.of[vehicle.name] = VEHICLE_EVENTS.union(*(cls.events for cls in classes))
 
     @cached_property
     def custom(self) -> frozenset[str]:
@@ -280,13 +281,3 @@ def emitted_by_transitions(plan: Plan) -> list[Text]:
     """Return the events that transitions of states and phases emit."""
     names = (transition.text_of("emit") for transition in transitions_of(plan))
     return [name for name in names if name is not None and name.text]
-
-
-def _emitted_by(vehicle: VehiclePlan, case: Case) -> frozenset[str]:
-    """Return the events of a vehicle, by their bare names."""
-    parts = [*vehicle.processors, *vehicle.supervisors, vehicle.tracker, vehicle.driver]
-    parts += [estimator.part for estimator in vehicle.estimators]
-    parts += [state.behavior for state in vehicle.states.values()]
-    classes = [part.cls for part in parts]
-    classes += [case.catalog.get("behaviors", name).cls for name in BUILT_IN.values()]
-    return VEHICLE_EVENTS.union(*(cls.events for cls in classes))

@@ -13,8 +13,7 @@ from kybflow.core.signals import NS, Time, kind_name
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION, format_quantity
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 from kybflow.dsl.expressions import parse
 from kybflow.dsl.plan import FaultPlan, PartPlan
 from kybflow.dsl.reading.nodes import entries_of
@@ -34,7 +33,7 @@ def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
                 group = case.plan.groups.get(name)
                 if group is not None:
                     members = ", ".join(f"`{member}`" for member in group)
-                    message = f"`{name}` is a group, but a fault breaks one vehicle"
+                    message = f"`{name}` is a group, but a fault affects one vehicle"
                     hint = f"write one fault for each of {members}"
                 yield Diagnostic("KYB330", message, span, help=hint)
 
@@ -76,7 +75,8 @@ def too_late(case: Case) -> Iterator[Diagnostic]:
                 f"`{fault.part.name}` is never injected",
                 fault.span,
                 label=f"at {format_quantity(fault.time, DURATION)}",
-                notes=(f"the mission's time limit is {format_quantity(limit, DURATION)}",),
+                notes=(f"the mission's `time_limit` is {format_quantity(limit, DURATION)}",),
+                help="inject it earlier, or write a longer `time_limit`",
                 severity=Severity.WARNING,
             )
 
@@ -100,7 +100,8 @@ def itself(case: Case) -> Iterator[Diagnostic]:
         for name, span in _named(fault, "vehicle"):
             if name == fault.vehicle:
                 message = f"`{fault.part.name}` needs two different vehicles"
-                yield Diagnostic("KYB334", message, span, label="already named by `on`")
+                hint = "name another vehicle"
+                yield Diagnostic("KYB334", message, span, "already named by `on`", help=hint)
 
 
 def unknown_estimators(case: Case) -> Iterator[Diagnostic]:
@@ -147,7 +148,7 @@ def of_no_size(case: Case) -> Iterator[Diagnostic]:
                 f"`{part.name}` has no effect",
                 _first_span(part),
                 label="changes nothing",
-                help="give it a strength, or remove the fault",
+                help="choose values that have an effect, or remove the fault",
                 severity=Severity.WARNING,
             )
 

@@ -12,17 +12,9 @@ from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.reachability import endless_states
 from kybflow.dsl.checks.space import shown_point
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.expressions import (
-    And,
-    Compare,
-    Condition,
-    GroupInState,
-    InState,
-    Or,
-    Quantity,
-    Read,
-    Word,
+    tree,
 )
 from kybflow.dsl.names import BUILT_IN, end_of
 from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
@@ -88,8 +80,8 @@ def homes_in_one_place(case: Case) -> Iterator[Diagnostic]:
 
 
 class _Settled(NamedTuple):
-    """The state in which a vehicle ends up by itself. state: None if it rests for good. seen: every
-    state that it may have been in by then, including after failures."""
+    """Where a vehicle ends up by itself. state: the state in which it stays; None if it rests for
+    good. seen: every state that it may have been in by then, including after failures."""
 
     vehicle: VehiclePlan
     state: StatePlan | None
@@ -101,6 +93,13 @@ class _Settled(NamedTuple):
         states = self.vehicle.states
         legs = (leg for name in self.seen & states.keys() for leg in states[name].legs)
         return self.seen <= states.keys() and not any(AIR in leg for leg in legs)
+
+    @property
+    def where(self) -> str:
+        name = self.vehicle.name
+        if self.state is None:
+            return f"`{name}` has ended by then"
+        return f"`{name}` waits in `{self.state.name}`"
 
 
 def wait_for_each_other(case: Case) -> Iterator[Diagnostic]:
@@ -128,20 +127,13 @@ def wait_for_each_other(case: Case) -> Iterator[Diagnostic]:
             f"`{name}` waits in `{state.name}` forever",
             state.span,
             label=f"waits for {others}",
-            notes=tuple(_where(settled[other]) for other in sorted(_awaited(case, name, state))),
+            notes=tuple(settled[other].where for other in sorted(_awaited(case, name, state))),
             help="add a `next` with `after: 60 s`, or an event such as `operator.go`",
         )
 
 
 def _has_next(state: StatePlan) -> bool:
     return any(transition.cause == "next" for transition in state.transitions)
-
-
-def _where(other: _Settled) -> str:
-    name = other.vehicle.name
-    if other.state is None:
-        return f"`{name}` has ended by then"
-    return f"`{name}` waits in `{other.state.name}`"
 
 
 def _settled(vehicle: VehiclePlan) -> _Settled | None:
@@ -175,8 +167,7 @@ def _seen(vehicle: VehiclePlan, passed: Collection[StatePlan]) -> frozenset[str]
 
 
 def _is_stuck(case: Case, settled: dict[str, _Settled], name: str, waiting: set[str]) -> bool:
-    """Return whether no transition of a vehicle's state can be taken while the `waiting` vehicles
-    wait."""
+    """Return whether a vehicle stays in its state as long as the `waiting` vehicles wait."""
     own = settled[name].state
     assert own is not None
     scope = case.scopes.condition(name)
@@ -189,23 +180,25 @@ def _is_stuck(case: Case, settled: dict[str, _Settled], name: str, waiting: set[
     return True
 
 
-def _is_barred(when: Condition, settled: dict[str, _Settled], waiting: set[str]) -> bool:
+def _is_barred(when: tree.Condition, settled: dict[str, _Settled], waiting: set[str]) -> bool:
     """Return whether a condition can't become true while the vehicles stay in the states in which
     they ended up."""
     match when:
-        case And(parts):
+        case tree.And(parts):
             return any(_is_barred(part, settled, waiting) for part in parts)
-        case Or(parts):
+        case tree.Or(parts):
             return all(_is_barred(part, settled, waiting) for part in parts)
-        case GroupInState("all", _, vehicles, state):
+        case tree.GroupInState("all", _, vehicles, state):
             return any(_never_in(settled, waiting, v, state) for v in vehicles)
-        case GroupInState("any", _, vehicles, state):
+        case tree.GroupInState("any", _, vehicles, state):
             return all(_never_in(settled, waiting, v, state) for v in vehicles)
-        case InState(vehicle, state):
+        case tree.InState(vehicle, state):
             return _never_in(settled, waiting, vehicle, state)
-        case Compare("==", Read(vehicle, "behavior"), Word(state)) if vehicle is not None:
+        case tree.Compare("==", tree.Read(vehicle, "behavior"), tree.Word(state)) if (
+            vehicle is not None
+        ):
             return _never_in(settled, waiting, vehicle, state)
-        case Compare(">" | ">=", Read(vehicle, "state.altitude"), Quantity(height)):
+        case tree.Compare(">" | ">=", tree.Read(vehicle, "state.altitude"), tree.Quantity(height)):
             other = None if vehicle is None else _resting(settled, waiting, vehicle)
             return other is not None and other.is_grounded and height > other.vehicle.start[2] + _UP
     return False
@@ -221,7 +214,7 @@ def _never_in(settled: dict[str, _Settled], waiting: set[str], name: str, state:
 
 
 def _resting(settled: dict[str, _Settled], waiting: set[str], name: str) -> _Settled | None:
-    """Return the named vehicle's final state if it stays there while the `waiting` vehicles wait;
+    """Return where the named vehicle ends up, if it stays there while the `waiting` vehicles wait;
     otherwise None."""
     other = settled.get(name)
     if other is None or name in waiting or other.state is None:
@@ -236,14 +229,14 @@ def _awaited(case: Case, name: str, state: StatePlan) -> set[str]:
     return {v for when in conditions if when is not None for v in _named(when)} - {name}
 
 
-def _named(when: Condition) -> Iterator[str]:
+def _named(when: tree.Condition) -> Iterator[str]:
     match when:
-        case And(parts) | Or(parts):
+        case tree.And(parts) | tree.Or(parts):
             for part in parts:
                 yield from _named(part)
-        case GroupInState(_, _, vehicles, _):
+        case tree.GroupInState(_, _, vehicles, _):
             yield from vehicles
-        case InState(vehicle, _):
+        case tree.InState(vehicle, _):
             yield vehicle
-        case Compare(_, Read(vehicle), _) if vehicle is not None:
+        case tree.Compare(_, tree.Read(vehicle), _) if vehicle is not None:
             yield vehicle

@@ -74,24 +74,23 @@ def _places(case: Case, flow: FlowPlan) -> dict[str, _Places]:
         for transition in phase.transitions:
             left = _places_after(case, phase, transition, entered[phase.name])
             target, before = transition.target, entered.get(transition.target)
-            merged = _united(before or {}, left)
+            had = before or {}
+            united = {
+                v: had.get(v, frozenset()) | left.get(v, frozenset()) for v in had.keys() | left
+            }
+            merged = {v: points for v, points in united.items() if len(points) <= _MOST}
             if target in flow.phases and merged != before:
                 entered[target] = merged
                 waiting.append(target)
     return entered
 
 
-def _united(a: _Places, b: _Places) -> _Places:
-    united = {v: a.get(v, frozenset()) | b.get(v, frozenset()) for v in {*a, *b}}
-    return {v: points for v, points in united.items() if len(points) <= _MOST}
-
-
 def _places_after(
     case: Case, phase: PhasePlan, transition: TransitionPlan, places: _Places
 ) -> _Places:
-    """Return where vehicles may be after a transition of a phase. Vehicles without a request are
-    where they were before. Vehicles that the condition requires to be in a state that stays in
-    place are where that state is."""
+    """Return where each vehicle may be after a transition of a phase. A vehicle from which the
+    phase requests nothing stays where it was. If the condition of the transition requires a vehicle
+    to be in a state that stays in place, the vehicle is where that state ends."""
     plan = case.plan
     run = runs_of(case, phase)
     given = {asked.vehicle for asked in handovers(plan, phase)}
@@ -109,8 +108,8 @@ def _places_after(
 
 
 def _walked(vehicle: VehiclePlan, goal: str, point: Vec3) -> dict[str, set[Vec3]]:
-    """Return the positions at which the state `goal`, entered at `point`, and all states after it
-    are entered, as far as known."""
+    """Return the entry positions of the state `goal`, entered at `point`, and of all states that
+    follow it, as far as they are known."""
     walks: dict[tuple[str, Vec3], dict[str, set[Vec3]]] = vehicle.known.setdefault("walks", {})
     if (goal, point) in walks:
         return walks[goal, point]

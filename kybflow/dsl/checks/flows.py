@@ -10,12 +10,11 @@ from typing import Literal, NamedTuple, get_args
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import WORDS, Case, wrong_goal
 from kybflow.dsl.checks.events import given_by_a_person
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Text
 from kybflow.dsl.expressions import parse
 from kybflow.dsl.names import BUILT_IN, unknown_vehicle
 from kybflow.dsl.plan import END, FlowPlan, PhasePlan, Plan, TransitionPlan, VehiclePlan
-from kybflow.dsl.reading.nodes import Node, Scalar, entries_of, is_null, items_of
+from kybflow.dsl.reading.nodes import Scalar, entries_of, is_null, items_of
 
 
 def flow_names(case: Case) -> Iterator[Diagnostic]:
@@ -24,8 +23,8 @@ def flow_names(case: Case) -> Iterator[Diagnostic]:
     plan = case.plan
     for flow in plan.flows:
         name = flow.name
-        taken = dict.fromkeys(plan.fleet, "a vehicle's name")
-        taken |= dict.fromkeys(plan.groups, "a group's name")
+        taken = dict.fromkeys(plan.fleet, "already the name of a vehicle")
+        taken |= dict.fromkeys(plan.groups, "already the name of a group")
         taken |= dict.fromkeys(WORDS, "a reserved word")
         if name in taken:
             message, hint = f"a flow can't be called `{name}`", "give it another name"
@@ -47,11 +46,13 @@ def phase_targets(case: Case) -> Iterator[Diagnostic]:
         for _, goal in goals_of(phase, "give"):
             if goal.text not in plan.flows_by_name:
                 message = f"there is no flow `{goal.text}`"
-                hint = did_you_mean(goal.text, [n for n in plan.flows_by_name if n != flow.name])
+                others = plan.flows_by_name.keys() - {flow.name, *plan.fleet, *plan.groups}
+                hint = did_you_mean(goal.text, others) or "declare it under `flows`"
                 yield Diagnostic("KYB193", message, goal.span, label="unknown", help=hint)
             elif goal.text == flow.name:
                 message = f"`{goal.text}` can't give a vehicle to itself"
-                yield Diagnostic("KYB193", message, goal.span, label="already controls it")
+                hint = "give it to another flow, or remove it"
+                yield Diagnostic("KYB193", message, goal.span, "already controls it", help=hint)
 
 
 def _nobody(who: Text, plan: Plan) -> Diagnostic:
@@ -119,7 +120,7 @@ def unreachable_phases(case: Case) -> Iterator[Diagnostic]:
         for phase in flow.phases.values() if found <= {*flow.phases} else ():
             if phase.name not in found | {END} and not phase.inherited:
                 message = f"the phase `{phase.name}` is never reached"
-                hint = f"let another phase go there, as `go: {phase.name}`, or remove it"
+                hint = f"let another phase lead to it (`go: {phase.name}`), or remove it"
                 label = "no transition leads here"
                 yield Diagnostic("KYB196", message, phase.span, label=label, help=hint)
 
@@ -182,20 +183,21 @@ def _cycle(flow: FlowPlan, name: str) -> list[str]:
     """Return the phases that follow `name` without waiting and lead back to it; empty if they
     don't."""
     path = [name]
-    while (ahead := _at_once(flow.phases.get(path[-1]))) not in (None, name):
-        assert ahead is not None
-        if ahead in path:
+    while True:
+        phase = flow.phases.get(path[-1])
+        ahead = next(
+            (
+                transition.target
+                for transition in (phase.transitions if phase else ())
+                if transition.after == 0.0 and transition.when is None and transition.event is None
+            ),
+            None,
+        )
+        if ahead == name:
+            return path
+        if ahead is None or ahead in path:
             return []
         path.append(ahead)
-    return path if ahead == name else []
-
-
-def _at_once(phase: PhasePlan | None) -> str | None:
-    """Return the phase that follows without waiting; None if the phase may wait."""
-    for transition in phase.transitions if phase else ():
-        if transition.after == 0.0 and transition.when is None and transition.event is None:
-            return transition.target
-    return None
 
 
 def phase_conditions(case: Case) -> Iterator[Diagnostic]:
@@ -219,11 +221,11 @@ def groups(case: Case) -> Iterator[Diagnostic]:
     for name, entry in entries_of(own_groups and own_groups.value).items():
         span, own = entry.key.span, items_of(entry.value)
         if name in plan.fleet:
-            message, hint = f"`{name}` is already a vehicle", "give the group another name"
-            yield Diagnostic("KYB190", message, span, label="a group", help=hint)
+            message = f"`{name}` is the name of a vehicle and of a group"
+            yield Diagnostic("KYB190", message, span, help="give the group another name")
         elif name in WORDS:
-            message = f"a group can't be called `{name}`"
-            yield Diagnostic("KYB190", message, span, label="a reserved word")
+            message, hint = f"a group can't be called `{name}`", "give it another name"
+            yield Diagnostic("KYB190", message, span, label="a reserved word", help=hint)
         if not own:
             message = f"the group `{name}` is empty"
             yield Diagnostic("KYB190", message, span, help="list a vehicle, or remove the group")
@@ -238,12 +240,11 @@ def _members(group: str, members: list[Text], plan: Plan) -> Iterator[Diagnostic
             message = f"`{member.text}` is twice in `{group}`"
             yield Diagnostic("KYB190", message, member.span, help="list it once")
         elif member.text not in plan.fleet:
-            is_group = member.text in plan.groups
+            message, label = f"there is no vehicle `{member.text}`", "unknown"
             hint = did_you_mean(member.text, plan.fleet)
-            if is_group:
-                hint = "a group contains vehicles: list each of them"
-            message = f"there is no vehicle `{member.text}`"
-            label = "a group" if is_group else "unknown"
+            if member.text in plan.groups:
+                message = f"`{member.text}` is a group, and a group may contain only vehicles"
+                label, hint = "", "list each of its vehicles"
             yield Diagnostic("KYB190", message, member.span, label=label, help=hint)
         first.setdefault(member.text, member)
 
@@ -273,15 +274,10 @@ def goals_of(phase: PhasePlan, key: Asked) -> Iterator[tuple[Text, Text]]:
     """Yield (vehicle or group, state or flow) for each entry of `run` or `give`."""
     for who, goal in phase.pairs(key):
         if not is_null(goal):
-            yield who, _name(goal)
-
-
-def _name(goal: Node) -> Text:
-    """Return the name of a goal, which may be followed by values."""
-    keys = [entry.key for entry in entries_of(goal).values()]
-    name = keys[0] if keys else goal
-    assert isinstance(name, Scalar)
-    return name.as_text
+            keys = [entry.key for entry in entries_of(goal).values()]  # the values are below it
+            name = keys[0] if keys else goal
+            assert isinstance(name, Scalar)
+            yield who, name.as_text
 
 
 def assignments(plan: Plan, phase: PhasePlan, key: Asked) -> Iterator[Assignment]:
@@ -331,7 +327,10 @@ def has_state(vehicle: VehiclePlan, state: str) -> bool:
 
 def reached(plan: Plan, flow: FlowPlan) -> set[str]:
     """Return the phases reached from the first one, or from one that a callback enters."""
-    waiting = [flow.begin, *_asked(plan, flow)]
+    waiting = [flow.begin]
+    for action in (action for callback in plan.callbacks for action in callback.do):
+        if action.name == "phase" and action.target in (None, flow.name):
+            waiting += [action.value] if action.value in flow.phases else []
     found = set(waiting)
     while waiting:
         phase = flow.phases.get(waiting.pop())
@@ -340,12 +339,3 @@ def reached(plan: Plan, flow: FlowPlan) -> set[str]:
                 found.add(transition.target)
                 waiting.append(transition.target)
     return found - {END}
-
-
-def _asked(plan: Plan, flow: FlowPlan) -> Iterator[str]:
-    """Yield the phases of the flow that callbacks enter."""
-    for callback in plan.callbacks:
-        for action in callback.do:
-            named = action.target is None or action.target == flow.name
-            if action.name == "phase" and named and action.value in flow.phases:
-                yield action.value

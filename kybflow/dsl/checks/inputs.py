@@ -10,12 +10,11 @@ from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION
 from kybflow.dsl.checks.case import WORDS, Case, transitions_of
 from kybflow.dsl.checks.conditions import conditions_of, nodes
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Text
 from kybflow.dsl.expressions import Axis
-from kybflow.dsl.expressions.describe import quantity
+from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.names import no_vehicles
-from kybflow.dsl.plan import InputPlan, StatePlan
+from kybflow.dsl.plan import StatePlan
 from kybflow.dsl.reading.nodes import Scalar, entries_of
 
 LOST = "input_lost"
@@ -62,15 +61,17 @@ def missing_axes(case: Case) -> Iterator[Diagnostic]:
                 name.span,
                 label=f"`{state.behavior.name}` needs it",
                 notes=(f"`{name.text}` ({use.part.name}) is at {use.part.span.at}",),
-                help=f"its axes are {axes}",
+                help=f"use another input: the axes of this one are {axes}",
             )
 
 
 def unknown_buttons(case: Case) -> Iterator[Diagnostic]:
     """KYB403: `buttons` or `dead_man` names a button that the input doesn't have."""
     for use in case.plan.inputs:
-        device = use.part.cls.buttons(use.part.params)
-        wrong = [(name, device) for name in _renamed(use) if name.text not in device]
+        device, buttons = use.part.cls.buttons(use.part.params), use.entry("buttons")
+        named = () if buttons is None else entries_of(buttons.value).values()
+        texts = [one.value.as_text for one in named if isinstance(one.value, Scalar)]
+        wrong = [(name, device) for name in texts if name.text not in device]
         known, dead_man = tuple(use.button_names.values()), use.text_of("dead_man")
         if dead_man is not None and dead_man.text not in known:
             wrong.append((dead_man, known))
@@ -80,17 +81,13 @@ def unknown_buttons(case: Case) -> Iterator[Diagnostic]:
             yield Diagnostic("KYB403", message, name.span, label="unknown", help=hint)
 
 
-def _renamed(use: InputPlan) -> list[Text]:
-    """Return the buttons of the device that the mission names."""
-    buttons = use.entry("buttons")
-    named = () if buttons is None else entries_of(buttons.value).values()
-    return [one.value.as_text for one in named if isinstance(one.value, Scalar)]
-
-
 def unused_inputs(case: Case) -> Iterator[Diagnostic]:
     """KYB404: an input is unused: no behavior is steered by it, and nothing uses its buttons or
     axes (a warning)."""
-    used = {name.text for _, name in case.cached(_steered)} | _heard(case)
+    events = [transition.event for transition in transitions_of(case.plan)]
+    events += [callback.event for callback in case.plan.callbacks]
+    used = {name.text for _, name in case.cached(_steered)}
+    used |= {event.partition(".")[0] for event in events if event}
     for typed in case.cached(conditions_of) if case.plan.inputs else ():
         used |= {node.input for node in nodes(typed.condition) if isinstance(node, Axis)}
     for use in case.plan.inputs:
@@ -102,13 +99,6 @@ def unused_inputs(case: Case) -> Iterator[Diagnostic]:
                 help=f"steer by it (`input: {use.name}`), use one of its buttons, or remove it",
                 severity=Severity.WARNING,
             )
-
-
-def _heard(case: Case) -> set[str]:
-    """Return the part before the dot of every event that the mission waits for."""
-    events = [way.event for way in transitions_of(case.plan)]
-    events += [one.event for one in case.plan.callbacks]
-    return {event.partition(".")[0] for event in events if event}
 
 
 def lost_without_a_way_out(case: Case) -> Iterator[Diagnostic]:
@@ -135,9 +125,9 @@ def input_names(case: Case) -> Iterator[Diagnostic]:
     """KYB406: an input has the name of a vehicle, a group, a flow or a reserved word, so
     `NAME.x` would be ambiguous."""
     plan = case.plan
-    taken = dict.fromkeys(plan.fleet, "a vehicle's name")
-    taken |= dict.fromkeys(plan.groups, "a group's name")
-    taken |= dict.fromkeys(plan.flows_by_name, "a flow's name")
+    taken = dict.fromkeys(plan.fleet, "already the name of a vehicle")
+    taken |= dict.fromkeys(plan.groups, "already the name of a group")
+    taken |= dict.fromkeys(plan.flows_by_name, "already the name of a flow")
     taken |= dict.fromkeys(WORDS, "a reserved word")
     for use in plan.inputs:
         if use.name in taken:

@@ -13,15 +13,14 @@ from kybflow.core.params import fields_of
 from kybflow.core.units import ANGLE, FORCE, MASS, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import footprints, the_limit, values_of
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span
-from kybflow.dsl.plan import Body, PartPlan, StatePlan, VehiclePlan
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
+from kybflow.dsl.plan import Body, StatePlan, VehiclePlan
 from kybflow.world.plausible import Implausible, of_airframe, of_parcel
 from kybflow.world.vehicle_context import Airframe, Parcel
 
 _ROUNDING = 1e-6
 _SPARE = 1.15
-_STEER = "steering needs 15 % more thrust than the weight"
+
 LIMITS = frozenset({"tilt", "speed", "climb"})
 """The limits of an airframe that bound the parameters of the same name in its parts."""
 
@@ -29,16 +28,18 @@ LIMITS = frozenset({"tilt", "speed", "climb"})
 def beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
     """KYB316: the `tilt`, `speed` or `climb` of a tracker or a processor exceeds that of the
     airframe."""
-    for vehicle in case.plan.vehicles:
-        for part in (vehicle.tracker, *vehicle.processors):
-            if not LIMITS.isdisjoint(part.source.node.entries):
-                yield from _beyond(vehicle, part)
-
-
-def _beyond(vehicle: VehiclePlan, part: PartPlan) -> Iterator[Diagnostic]:
-    for field in fields_of(Airframe):
+    limited = [field for field in fields_of(Airframe) if field.name in LIMITS]
+    written = (
+        (vehicle, part, field)
+        for vehicle in case.plan.vehicles
+        for part in (vehicle.tracker, *vehicle.processors)
+        if not LIMITS.isdisjoint(part.source.node.entries)
+        for field in limited
+        if part.is_written(field.name)
+    )
+    for vehicle, part, field in written:
         name, dimension = field.name, field.dimension
-        if name not in LIMITS or not part.is_written(name) or dimension is None:
+        if dimension is None:
             continue
         own = next(f for f in part.fields if f.name == name)
         value, limit = getattr(part.params, name), getattr(vehicle.airframe, name)
@@ -48,8 +49,8 @@ def _beyond(vehicle: VehiclePlan, part: PartPlan) -> Iterator[Diagnostic]:
             "KYB316",
             f"`{part.name}` asks for more {name} than `{vehicle.name}` allows",
             part.span_of(name),
-            label=format_quantity(value, dimension),
-            notes=(f"its airframe allows {format_quantity(limit, dimension)}",),
+            label=f"its airframe allows {format_quantity(limit, dimension)}",
+            help=f"write at most `{name}: {format_quantity(limit, dimension)}`",
             related=the_limit(vehicle, name),
         )
 
@@ -109,6 +110,15 @@ def _lifts(airframe: Airframe, payload: float = 0.0) -> bool:
     return airframe.max_thrust >= _SPARE * (airframe.mass + payload) * GRAVITY
 
 
+def _for_steering(airframe: Airframe) -> str:
+    """Return a note on the largest weight that the rotors can carry."""
+    most, carried = (
+        format_quantity(float(f"{n:.3g}"), FORCE)
+        for n in (airframe.max_thrust, airframe.max_thrust / _SPARE)
+    )
+    return f"its rotors lift {most}; with the 15 % needed for steering, they carry {carried}"
+
+
 def _is_rigid(airframe: Airframe) -> bool:
     inertia = airframe.inertia
     return min(inertia) > 0.0 and 2.0 * max(inertia) <= sum(inertia) * (1.0 + _ROUNDING)
@@ -117,15 +127,14 @@ def _is_rigid(airframe: Airframe) -> bool:
 def too_heavy(case: Case) -> Iterator[Diagnostic]:
     """KYB318: four rotors at full thrust can't lift the airframe with 15 % to spare."""
     for frame in _airframes(case):
-        most, weight = frame.airframe.max_thrust, frame.airframe.hover_thrust
         if _lifts(frame.airframe):
             continue
         yield Diagnostic(
             "KYB318",
-            f"`{frame.name}` can't fly: its four rotors lift {most:.3g} N",
+            f"`{frame.name}` is too heavy to fly",
             frame.place("thrust", "mass"),
-            label=f"it weighs {format_quantity(weight, FORCE)}",
-            notes=(_STEER,),
+            label=f"it weighs {format_quantity(frame.airframe.hover_thrust, FORCE)}",
+            notes=(_for_steering(frame.airframe),),
             help=_meant_in_grams(frame.airframe),
         )
 
@@ -136,7 +145,7 @@ def _meant_in_grams(frame: Airframe) -> str:
     meant = replace(frame, mass=frame.mass / 1000.0)
     if _lifts(meant) and frame.mass >= 10.0:
         return f"write `mass: {frame.mass:g} g` if grams are meant"
-    return "give it less `mass` or more `thrust`, which is that of one rotor"
+    return "reduce its `mass`, or increase `thrust`, which is that of one rotor"
 
 
 def implausible(case: Case) -> Iterator[Diagnostic]:
@@ -148,14 +157,14 @@ def implausible(case: Case) -> Iterator[Diagnostic]:
     """
     for doubt in case.cached(_implausible):
         if doubt.found.is_certain:
-            yield _doubted("KYB420", "can't be", doubt)
+            yield _doubted("KYB420", "is impossible", "plausible", doubt)
 
 
 def unusual(case: Case) -> Iterator[Diagnostic]:
     """KYB421: the numbers of an airframe or a payload are unusual for a quadrotor (a warning)."""
     for doubt in case.cached(_implausible):
         if not doubt.found.is_certain:
-            told = _doubted("KYB421", "is unusual", doubt)
+            told = _doubted("KYB421", "is unusual", "usual", doubt)
             yield replace(told, severity=Severity.WARNING)
 
 
@@ -182,12 +191,12 @@ def _implausible(case: Case) -> Iterator[_Doubt]:
                 yield _Doubt(f"the payload of `{vehicle.name}`", found, span)
 
 
-def _doubted(code: str, what: str, doubt: _Doubt) -> Diagnostic:
+def _doubted(code: str, what: str, better: str, doubt: _Doubt) -> Diagnostic:
     return Diagnostic(
         code,
         f"{doubt.name} {what}: {doubt.found.found}",
         doubt.span,
-        notes=(f"usual: {doubt.found.usual}",),
+        notes=(f"{better}: {doubt.found.usual}",),
         help="check the number and its unit",
     )
 
@@ -202,7 +211,7 @@ def no_rigid_body(case: Case) -> Iterator[Diagnostic]:
             "KYB319",
             f"no rigid body has the moments of inertia of `{frame.name}`",
             frame.place("inertia"),
-            help="each must be above zero and at most the sum of the other two",
+            help="correct it: each moment is above zero and at most the sum of the other two",
         )
 
 
@@ -229,10 +238,10 @@ def no_servo(case: Case) -> Iterator[Diagnostic]:
         if vehicle.payload is not None and not driver.cls.grips:
             yield Diagnostic(
                 "KYB396",
-                f"`{state.behavior.name}` needs a servo, but `{driver.name}` controls none",
+                f"`{state.behavior.name}` needs a servo, but the driver `{driver.name}` has none",
                 state.behavior.span,
-                label=f"`{vehicle.name}` flies on `{driver.name}`",
-                help="fly on a target whose driver has one, or remove the behavior",
+                label=f"`{vehicle.name}` has no servo",
+                help="fly on a target whose driver has a servo, or remove the behavior",
             )
 
 
@@ -242,15 +251,14 @@ def too_heavy_to_lift(case: Case) -> Iterator[Diagnostic]:
     for vehicle in case.plan.vehicles:
         if vehicle.payload is None:
             continue
-        most = vehicle.airframe.max_thrust
         weight = (vehicle.airframe.mass + vehicle.payload.mass) * GRAVITY
         if not _lifts(vehicle.airframe, vehicle.payload.mass):
             yield Diagnostic(
                 "KYB397",
-                f"`{vehicle.name}` can't fly with its payload: its rotors lift {most:.3g} N",
+                f"`{vehicle.name}` is too heavy to fly with its payload",
                 vehicle.key_span("payload"),
-                label=f"together they weigh {format_quantity(weight, FORCE)}",
-                notes=(_STEER,),
+                label=f"vehicle and payload weigh {format_quantity(weight, FORCE)}",
+                notes=(_for_steering(vehicle.airframe),),
                 help=_lighter(vehicle, vehicle.payload),
             )
 

@@ -8,8 +8,8 @@ from math import radians
 from typing import NamedTuple
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.plan import PartPlan, VehiclePlan
+from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.plan import VehiclePlan
 from kybflow.flight.loops.design import (
     ASKED,
     LEAST,
@@ -51,20 +51,12 @@ def _loops(case: Case) -> Iterator[_Closed]:
         outer = tracker.cls.outer_loop(tracker.params, airframe, inner, period)
         if outer is not None:
             found = margins_of(outer, inner)
-            is_chosen = outer.stiffness is not None or any(map(_is_chosen, _gains(tracker)))
+            is_chosen = outer.stiffness is not None or any(
+                gain.default is None or getattr(tracker.params, gain.name) != gain.default
+                for gain in tracker.fields
+                if gain.name in GAINS
+            )
             yield _Closed(vehicle, outer, inner, found, is_chosen)
-
-
-def _gains(tracker: PartPlan) -> Iterator[tuple[float | None, float | None]]:
-    """Yield (value, default) for each gain of a tracker."""
-    for field in tracker.fields:
-        if field.name in GAINS:
-            yield getattr(tracker.params, field.name), field.default
-
-
-def _is_chosen(gain: tuple[float | None, float | None]) -> bool:
-    value, default = gain
-    return default is None or value != default
 
 
 def gains_that_oscillate(case: Case) -> Iterator[Diagnostic]:
@@ -91,13 +83,11 @@ def gains_near_the_limit(case: Case) -> Iterator[Diagnostic]:
     """
     for loop in case.cached(_loops):
         is_refused = loop.is_chosen and not holds(loop.margins, LEAST)
-        if not is_refused and not holds(loop.margins, ASKED) and _is_little(loop):
+        if is_refused or holds(loop.margins, ASKED):
+            continue
+        bound = asked_of(loop.outer, loop.inner) if loop.is_chosen else LEAST
+        if not holds(loop.margins, bound):
             yield replace(_finding("KYB324", loop), severity=Severity.WARNING)
-
-
-def _is_little(loop: _Closed) -> bool:
-    bound = asked_of(loop.outer, loop.inner) if loop.is_chosen else LEAST
-    return not holds(loop.margins, bound)
 
 
 def _finding(code: str, loop: _Closed) -> Diagnostic:
@@ -106,21 +96,20 @@ def _finding(code: str, loop: _Closed) -> Diagnostic:
     what = f"would make `{name}` oscillate"
     if holds(loop.margins, _SWINGS):
         little = "little" if code == "KYB324" else "too little"
-        what = f"leaves `{name}` {little} margin"
-    written = (key for key in (MATRIX, *GAINS, "observer") if tracker.is_written(key))
+        what = f"leaves `{name}` {little} stability margin"
+    hint, notes = _way_out(loop, bound), [f"required: at least {in_words(bound)}"]
+    if loop.outer.stiffness is not None and loop.outer.stiffness.is_coupled:
+        notes.append(f"estimated, because `{MATRIX}` couples height with x and y")
+    keys = ("observer",) if "`observer: " in hint else (MATRIX, *GAINS, "observer")
+    written = (key for key in keys if tracker.is_written(key))
     return Diagnostic(
         code,
         f"`{tracker.name}` {what}",
         tracker.span_of(next(written, "")),
         label=in_words(loop.margins),
-        notes=(f"required: at least {in_words(bound)}", *_estimated(loop)),
-        help=_way_out(loop, bound),
+        notes=tuple(notes),
+        help=hint,
     )
-
-
-def _estimated(loop: _Closed) -> Iterator[str]:
-    if loop.outer.stiffness is not None and loop.outer.stiffness.is_coupled:
-        yield f"estimated, because `{MATRIX}` couples height with x and y"
 
 
 def _way_out(loop: _Closed, bound: Margins) -> str:
@@ -132,7 +121,7 @@ def _way_out(loop: _Closed, bound: Margins) -> str:
         return f"write at most `observer: {quickest_observer(outer, inner, bound):g} Hz`"
     gains = designed(outer, inner)
     if not holds(margins_of(outer.with_gains(*gains), inner), PLANNED):
-        return "no gains suit this loop: make it respond faster"
+        return "no gains suit this attitude loop: make it respond faster"
     if outer.stiffness is not None:
         k, d, i = (f"{gain:.3g}" for gain in gains)
         start = f"[[{k}, 0, 0], [0, {k}, 0], [0, 0, {k}]]"

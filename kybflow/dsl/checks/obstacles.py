@@ -13,7 +13,7 @@ from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.actions import actions_of, sets_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, the_fence, values_of
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Related, Severity
 from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, Footprint
 from kybflow.world.shapes import Box, Cylinder, Plane, Scanned, Shape
@@ -101,10 +101,10 @@ def lands_in_the_air(case: Case) -> Iterator[Diagnostic]:
 def flies_into(case: Case) -> Iterator[Diagnostic]:
     """KYB341: a behavior flies its vehicle into an obstacle, from an entry that is known to occur.
 
-    The path of the behavior, if known, must stay further from every obstacle than the length of the
-    vehicle's arm. This excludes an obstacle on which the vehicle stands before a take-off or after
-    a landing, and one that it is already too close to at entry. If a processor leads the vehicle
-    around obstacles, only the points of the path must be clear.
+    If the behavior's path is known, it must stay further from every obstacle than the length of the
+    vehicle's arm. Exempt are an obstacle on which the vehicle stands before a take-off or after a
+    landing, and one that is already too close where the behavior is entered. If a processor leads
+    the vehicle around obstacles, only the points of the path must be clear.
     """
     obstacles = _kept_from(case)
     for vehicle, state, entry, footprint in case.cached(footprints) if obstacles else ():
@@ -113,17 +113,21 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
             if entry is not None and shape.distance(entry) < arm:
                 continue
             room, point = nearest(path, shape, arm)
-            if room < arm and _goes_round(vehicle, state):
+            around = any(processor.cls.goes_round for processor in vehicle.processors)
+            if room < arm and around and not is_vertical(state):
                 room, point = min((shape.distance(p), p) for p in path)
             if room >= arm or (is_vertical(state) and _carries(shape, path[0], vehicle)):
                 continue
+            way_out = f"fly around `{obstacle}`, or further away from it"
+            if room > -_TOUCHES:
+                way_out += ", or write `contact: allowed` for the obstacle"
             yield Diagnostic(
                 "KYB341",
                 f"`{state.name}` ({state.behavior.name}) flies into `{obstacle}`",
                 aim_of(state, footprint),
                 label=f"at {shown_point(point)}, {room_needed(vehicle, room)}",
                 notes=(_stands(case, obstacle), *footprint.line_of(point)),
-                help=_way_round(obstacle, room),
+                help=way_out,
                 related=values_of(state.behavior),
             )
             break
@@ -183,8 +187,8 @@ def _out_of_reach(
 
 
 def _keepers(case: Case) -> Mapping[str, Sequence[tuple[PartPlan, float]]]:
-    """Return, for each vehicle, the processors that always keep it away from obstacles, each with
-    its distance (m)."""
+    """Return for each vehicle its processors that always keep it away from obstacles, each with the
+    distance that it keeps, m."""
     switched = [*actions_of(case, "enable"), *actions_of(case, "disable")]
     names = [action.value for action in switched]
     names += [name.text for name, _ in sets_of(case)]
@@ -198,13 +202,6 @@ def _keepers(case: Case) -> Mapping[str, Sequence[tuple[PartPlan, float]]]:
         ]
         for vehicle in case.plan.vehicles
     }
-
-
-def _way_round(obstacle: str, room: float) -> str:
-    """Return the help line for a path into an obstacle. A path that only touches it may be
-    intended."""
-    meant = ", or write `contact: allowed` for the obstacle" if room > -_TOUCHES else ""
-    return f"fly around `{obstacle}`, or further away from it{meant}"
 
 
 def scanned_elsewhere(case: Case) -> Iterator[Diagnostic]:
@@ -255,6 +252,7 @@ def may_fly_into(case: Case) -> Iterator[Diagnostic]:
                 state.behavior.span,
                 label="only the bounds of its path are known",
                 notes=(_stands(case, obstacle),),
+                help=f"stay further away from `{obstacle}`, unless the path is surely clear",
                 severity=Severity.WARNING,
             )
 
@@ -283,6 +281,7 @@ def homes(case: Case) -> Iterator[Diagnostic]:
                 vehicle.span_of("home"),
                 label=label,
                 notes=(note,),
+                help="choose another `home`",
                 related=related,
             )
 
@@ -338,12 +337,6 @@ def _between(a: Vec3, b: Vec3, part: float) -> Vec3:
     return ax + part * (bx - ax), ay + part * (by - ay), az + part * (bz - az)
 
 
-def _goes_round(vehicle: VehiclePlan, state: StatePlan) -> bool:
-    """Return whether a processor leads the vehicle around obstacles, which happens only in the
-    air."""
-    return not is_vertical(state) and any(use.cls.goes_round for use in vehicle.processors)
-
-
 def is_vertical(state: StatePlan) -> bool:
     """Return whether the behavior is a take-off or a landing."""
     return any(GROUND in leg and leg.start is not leg.end for leg in state.behavior.cls.flight)
@@ -362,8 +355,9 @@ def _carries(shape: Shape, point: Vec3, vehicle: VehiclePlan) -> bool:
 
 
 def _top(shape: Shape, point: Vec3) -> tuple[float, float]:
-    """Return (height of the obstacle's level top, distance of the point from the top's edge,
-    positive inside, as seen from above); (inf, -inf) for an obstacle without a level top."""
+    """Return (height of the obstacle's level top, distance of the point from the top's edge as seen
+    from above). The distance is positive above the top. For an obstacle without a level top, return
+    (inf, -inf)."""
     x, y, _ = point
     match shape:
         case Box(low, high):

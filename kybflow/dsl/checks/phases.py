@@ -18,8 +18,7 @@ from typing import NamedTuple
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.flows import ASKED, Assignment, assignments, handovers, phases, runs_of
 from kybflow.dsl.checks.reachability import PHRASES
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 from kybflow.dsl.expanding.flows import GROUNDED, named_vehicles, own_vehicles
 from kybflow.dsl.expressions import And, Condition, GroupInState, InState
 from kybflow.dsl.plan import FlowPlan, PhasePlan, Plan, TransitionPlan
@@ -28,7 +27,7 @@ from kybflow.parts import AIR, GROUND, MOVING, Flight
 
 class _Holder(NamedTuple):
     """The flow that controls a vehicle. given: where another flow gave it the vehicle, or None.
-    is_sure: whether this is so along every path."""
+    is_sure: whether this flow controls the vehicle along every path."""
 
     flow: str
     given: Span | None = None
@@ -55,22 +54,20 @@ def two_drivers(case: Case) -> Iterator[Diagnostic]:
                 first[vehicle] = flow
                 continue
             other = first[vehicle]
+            named = (
+                assignment.who.span
+                for phase in flow.phases.values()
+                for key in ASKED
+                for assignment in assignments(case.plan, phase, key)
+                if assignment.vehicle == vehicle
+            )
             yield Diagnostic(
                 "KYB198",
                 f"`{flow.name}` and `{other.name}` both control `{vehicle}`",
-                _named_at(case.plan, flow, vehicle),
+                next(named, flow.span),
                 label=f"`{other.name}` has it from the start",
                 help=f"let one give it to the other: `give: {{{vehicle}: {flow.name}}}`",
             )
-
-
-def _named_at(plan: Plan, flow: FlowPlan, vehicle: str) -> Span:
-    """Return the source location where a flow first names a vehicle."""
-    for phase in flow.phases.values():
-        for assignment in (one for key in ASKED for one in assignments(plan, phase, key)):
-            if assignment.vehicle == vehicle:
-                return assignment.who.span
-    return flow.span
 
 
 def not_driven(case: Case) -> Iterator[Diagnostic]:
@@ -101,19 +98,17 @@ def _taken(
         assignment.who.span,
         label=f"`{flow.name}` {'does' if sure else 'may'} not have it",
         notes=(f"it was given at {given.at}",) if given is not None else (),
-        help=_way_out(holder),
+        help=(
+            f"wait for its return with `{{event: {holder.flow}.finished, go: ...}}`"
+            if given is not None
+            else "give a flow all its vehicles in one phase"
+        ),
         severity=Severity.ERROR if sure else Severity.WARNING,
     )
 
 
-def _way_out(holder: _Holder) -> str:
-    if holder.given is None:
-        return "give a flow all its vehicles in one phase"
-    return f"wait for its return with `{{event: {holder.flow}.finished, go: ...}}`"
-
-
 def _holders(plan: Plan, flow: FlowPlan) -> dict[str, _Holders]:
-    """Return the holder of each vehicle on entry to each phase."""
+    """Return which flow controls each vehicle when a phase is entered, by phase."""
     own = _Holder(flow.name)
     entered: dict[str, _Holders] = {flow.begin: _first(plan, flow)}
     waiting = [flow.begin]
@@ -126,7 +121,10 @@ def _holders(plan: Plan, flow: FlowPlan) -> dict[str, _Holders]:
             held[assignment.vehicle] = _Holder(assignment.goal.text, assignment.who.span)
         for transition in phase.transitions:
             event = transition.event or ""
-            left = {v: _held_after(holder, own, event) for v, holder in held.items()}
+            left = {
+                v: own if flow.name == h.flow or event == f"{h.flow}.finished" else h.doubtful
+                for v, h in held.items()
+            }
             target = transition.target
             before = entered.get(target)
             merged = left if before is None else {v: _merged(before[v], left[v]) for v in left}
@@ -137,8 +135,9 @@ def _holders(plan: Plan, flow: FlowPlan) -> dict[str, _Holders]:
 
 
 def _first(plan: Plan, flow: FlowPlan) -> _Holders:
-    """Return the holder of each vehicle when the flow begins. A flow that waits for its vehicles is
-    certain to have those that every flow giving to it gives."""
+    """Return which flow controls each vehicle when `flow` begins. If a flow has no vehicles of its
+    own, it waits for them, and is certain to have a vehicle only if every flow that gives it
+    vehicles gives this one."""
     own, had = _Holder(flow.name), own_vehicles(plan, flow)
     givers = [
         (other.name, {w.vehicle for w in given})
@@ -153,19 +152,15 @@ def _first(plan: Plan, flow: FlowPlan) -> _Holders:
     return held
 
 
-def _held_after(holder: _Holder, own: _Holder, event: str) -> _Holder:
-    """Return the holder of a vehicle after a transition of a phase."""
-    if holder.flow == own.flow or event == f"{holder.flow}.finished":
-        return own
-    return holder.doubtful
-
-
 def _merged(a: _Holder, b: _Holder) -> _Holder:
-    """Return the holder where two paths meet. If the two differ, the result is not sure; it is
-    preferably a holder that another flow gave the vehicle."""
+    """Return the holder where two paths meet. If the paths disagree, it is not sure, and a flow to
+    which the vehicle was given is preferred."""
     if a == b:
         return a
     return (a if a.given is not None else b).doubtful
+
+
+_ASKED = {"run": "behaviors", "give": "flows"}
 
 
 def assigned_twice(case: Case) -> Iterator[Diagnostic]:
@@ -179,11 +174,14 @@ def assigned_twice(case: Case) -> Iterator[Diagnostic]:
                 if before.goal.text != assignment.goal.text:
                     yield Diagnostic(
                         "KYB242",
-                        f"this phase requests both `{before.goal.text}` and "
-                        f"`{assignment.goal.text}` from `{assignment.vehicle}`",
+                        f"this phase gives `{assignment.vehicle}` two {_ASKED[key]}: "
+                        f"`{before.goal.text}` and `{assignment.goal.text}`",
                         assignment.who.span,
-                        label="a second time",
-                        notes=(f"first as `{before.who.text}`",),
+                        notes=tuple(
+                            f"`{assignment.vehicle}` is a member of `{who}`"
+                            for who in dict.fromkeys((before.who.text, assignment.who.text))
+                            if who != assignment.vehicle
+                        ),
                         help="name each vehicle once per phase",
                     )
 
@@ -205,27 +203,23 @@ def can_not_enter(case: Case) -> Iterator[Diagnostic]:
         return
     for flow in case.plan.flows:
         for name, places in _flight_conditions(case, flow).items():
-            for assignment in assignments(case.plan, flow.phases[name], "run"):
-                yield from _impossible(case, assignment, places[assignment.vehicle])
-
-
-def _impossible(
-    case: Case, assignment: Assignment, places: frozenset[Flight]
-) -> Iterator[Diagnostic]:
-    vehicle = case.plan.fleet[assignment.vehicle]
-    goal = vehicle.goal(assignment.goal.text)
-    starts = {leg.start for leg in case.legs(vehicle, goal)}
-    if not starts or not starts.isdisjoint(places):
-        return
-    fits = [s for s in vehicle.states if any(case.accepts(vehicle, s, p) for p in places)]
-    yield Diagnostic(
-        "KYB243",
-        f"`{assignment.vehicle}` can't enter `{assignment.goal.text}` here",
-        assignment.goal.span,
-        label=f"needs a vehicle {_said(starts)}",
-        notes=(f"`{assignment.vehicle}` is {_said(places)} when this phase begins",),
-        help=f"did you mean `{fits[0]}`?" if fits else "",
-    )
+            for own, _, goal in assignments(case.plan, flow.phases[name], "run"):
+                vehicle = case.plan.fleet[own]
+                starts = {leg.start for leg in case.legs(vehicle, vehicle.goal(goal.text))}
+                if not starts or not starts.isdisjoint(places[own]):
+                    continue
+                fits = (
+                    s for s in vehicle.states for p in places[own] if case.accepts(vehicle, s, p)
+                )
+                other = next(fits, None)
+                yield Diagnostic(
+                    "KYB243",
+                    f"`{own}` can't enter `{goal.text}` here",
+                    goal.span,
+                    label=f"needs a vehicle {_said(starts)}",
+                    notes=(f"`{own}` is {_said(places[own])} when this phase begins",),
+                    help=f"did you mean `{other}`?" if other else "",
+                )
 
 
 def _said(places: set[Flight] | frozenset[Flight]) -> str:

@@ -22,7 +22,7 @@ from kybflow.dsl.checks.reachability import (
     flight_graph,
 )
 from kybflow.dsl.checks.transitions import reached_states
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.expressions import Compare, Quantity, Read
 from kybflow.dsl.plan import TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
@@ -38,9 +38,12 @@ def never_lands(case: Case) -> Iterator[Diagnostic]:
     `then` that is never taken is reported only as KYB206.
     """
     for vehicle, flights in case.cached(_sound):
-        endless = endless_states(vehicle) - _told(vehicle)
+        states = vehicle.states.values()
+        told = {s.name for s in states if any(t.cause == "then" for t in s.transitions)}
+        endless = endless_states(vehicle) - told
         down = comes_down(vehicle, flights, endless)
-        if _asked_down(vehicle, down):
+        is_requested = any(FlightNode(state, AIR) in down for state in vehicle.requested)
+        if is_requested or not vehicle.requested <= vehicle.states.keys():
             continue
         for path in _traps(vehicle, flights, flights.nodes - down, endless):
             yield Diagnostic(
@@ -74,7 +77,7 @@ def comes_down_by_chance(case: Case) -> Iterator[Diagnostic]:
                 "KYB251",
                 f"only a condition or an event ends `{path[0]}`",
                 vehicle.states[path[0]].span,
-                label="may never be left",
+                label="might never end",
                 notes=(_told_path(vehicle, flights, path),),
                 help=_way_out(path),
                 severity=Severity.WARNING,
@@ -122,8 +125,8 @@ def _failures(first: FlightNode, failing: dict[FlightNode, FlightEdge]) -> list[
 
 
 def _sound(case: Case) -> Iterator[tuple[VehiclePlan, FlightGraph]]:
-    """Yield the vehicles whose transitions all have valid targets, with their graphs. Nothing can
-    be proven for other vehicles."""
+    """Yield each vehicle whose transitions all have valid targets, with its graph. Nothing can be
+    proven about the others."""
     for vehicle in case.plan.vehicles:
         flights = flight_graph(case, vehicle)
         if not flights.broken and reached_states(vehicle) <= {*vehicle.states, *TARGETS}:
@@ -165,26 +168,14 @@ def _way_out(path: list[str]) -> str:
     return "add a `within`, or a `next` with `after: 60 s`, that leads to a landing"
 
 
-def _asked_down(vehicle: VehiclePlan, down: AbstractSet[FlightNode]) -> bool:
-    """Return whether a callback or a flow requests a state that leads to the ground."""
-    own = any(FlightNode(state, AIR) in down for state in vehicle.requested)
-    return own or not vehicle.requested <= vehicle.states.keys()
-
-
-def _told(vehicle: VehiclePlan) -> set[str]:
-    """Return the states that have a `then`. If it is never taken, KYB206 reports it."""
-    states = vehicle.states.items()
-    return {name for name, s in states if any(t.cause == "then" for t in s.transitions)}
-
-
 def _traps(
     vehicle: VehiclePlan,
     flights: FlightGraph,
     stuck: AbstractSet[FlightNode],
     endless: AbstractSet[str],
 ) -> Iterator[list[str]]:
-    """Yield the states of each trap among the `stuck` nodes once: an endless state, or a cycle of
-    `then`, which ends with its first state again."""
+    """Yield the states of each trap once: a state among the `stuck` nodes that never ends, or a
+    cycle of `then`. A cycle ends with its first state again."""
     names = {node.state for node in stuck}
     thens = (link for link in flights.links if link.transition.cause == "then")
     ahead = {link.source.state: link.transition.target for link in thens}
@@ -210,30 +201,21 @@ def _along(name: str, ahead: dict[str, str], endless: AbstractSet[str]) -> list[
 
 
 def _told_path(vehicle: VehiclePlan, flights: FlightGraph, path: list[str]) -> str:
-    """Return the counter-example as text: the path from the first state into the trap and around
-    it."""
-    names = [*_way(vehicle.begin, path[0], flights)[:-1], *path]
-    shown = "`" + "` → `".join(names) + "`"
-    if path[-1] in path[:-1]:
-        return f"{shown} → ..."
-    part = vehicle.states[path[-1]].behavior.name
-    return f"{shown} ({part}) never ends by itself"
-
-
-def _way(start: str, goal: str, flights: FlightGraph) -> list[str]:
-    """Return the shortest path along the transitions; only the goal if it is requested from
-    outside."""
+    """Return the path into a trap and around it as text: the counter-example to the proof."""
     ahead: dict[str, list[str]] = {}
     for link in flights.links:
         ahead.setdefault(link.source.state, []).append(link.transition.target)
-    came: dict[str, str] = {start: ""}
-    waiting = [start]
+    came, waiting = {vehicle.begin: ""}, [vehicle.begin]
     for state in waiting:
         for target in ahead.get(state, ()):
             if target not in came:
                 came[target] = state
                 waiting.append(target)
-    way = [goal] if goal in came else ["", goal]
-    while came.get(way[0]):
-        way.insert(0, came[way[0]])
-    return [state for state in way if state]
+    names = list(path)  # nothing leads to a first state that a callback or a flow requests
+    while before := came.get(names[0]):
+        names.insert(0, before)
+    shown = "`" + "` → `".join(names) + "`"
+    if path[-1] in path[:-1]:
+        return f"{shown} → ..."
+    part = vehicle.states[path[-1]].behavior.name
+    return f"{shown} ({part}) never ends by itself"

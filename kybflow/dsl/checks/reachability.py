@@ -26,8 +26,8 @@ class FlightNode(NamedTuple):
 
 
 class FlightEdge(NamedTuple):
-    """A transition of the mission out of a node. flight: the vehicle's flight condition after
-    it."""
+    """A transition of the mission that leaves a node. flight: the vehicle's flight condition after
+    the transition."""
 
     source: FlightNode
     transition: TransitionPlan
@@ -51,13 +51,9 @@ class FlightGraph:
 def flight_graph(case: Case, vehicle: VehiclePlan) -> FlightGraph:
     """Return the graph of all transitions from the first state and from the states that may be
     requested, in each flight condition in which these can start."""
-    if "flights" not in vehicle.known:
-        vehicle.known["flights"] = _flights(case, vehicle)
-    found: FlightGraph = vehicle.known["flights"]
-    return found
-
-
-def _flights(case: Case, vehicle: VehiclePlan) -> FlightGraph:
+    if "flights" in vehicle.known:
+        known: FlightGraph = vehicle.known["flights"]
+        return known
     requested = [
         FlightNode(s, leg.start) for s in sorted(vehicle.requested) for leg in case.legs(vehicle, s)
     ]
@@ -78,7 +74,9 @@ def _flights(case: Case, vehicle: VehiclePlan) -> FlightGraph:
             if target in vehicle.states and successor not in found:
                 found.add(successor)
                 waiting.append(successor)
-    return FlightGraph(frozenset(found), tuple(links), tuple(broken))
+    graph = FlightGraph(frozenset(found), tuple(links), tuple(broken))
+    vehicle.known["flights"] = graph
+    return graph
 
 
 def _links(state: StatePlan, node: FlightNode) -> Iterator[FlightEdge]:
@@ -91,8 +89,8 @@ def _links(state: StatePlan, node: FlightNode) -> Iterator[FlightEdge]:
 
 
 def may_end(transition: TransitionPlan, is_endless: bool) -> bool:
-    """Return whether a transition may be taken without a failure. is_endless: whether its behavior
-    has no end; only then `within` is no failure."""
+    """Return whether a flight without failures may take a transition. is_endless: whether the
+    behavior never ends by itself; only then a `within` is not a failure."""
     if transition.cause == "within":
         return is_endless
     return transition.cause == "next" or (transition.cause == "then" and not is_endless)
@@ -175,13 +173,9 @@ def entries_of(vehicle: VehiclePlan) -> dict[str, Entries]:
     """Return the entry positions of every state of the vehicle that is reachable from its start. A
     state that a callback or a flow may request can be entered anywhere; a flow's first request
     finds the vehicle at its start."""
-    if "entries" not in vehicle.known:
-        vehicle.known["entries"] = _walked(vehicle)
-    found: dict[str, Entries] = vehicle.known["entries"]
-    return found
-
-
-def _walked(vehicle: VehiclePlan) -> dict[str, Entries]:
+    if "entries" in vehicle.known:
+        known: dict[str, Entries] = vehicle.known["entries"]
+        return known
     found = {vehicle.begin: Entries([vehicle.start])}
     waiting: list[tuple[str, Vec3 | None]] = [(vehicle.begin, vehicle.start)]
     for name in sorted(vehicle.requested):
@@ -190,7 +184,8 @@ def _walked(vehicle: VehiclePlan) -> dict[str, Entries]:
     for name in sorted(vehicle.requested_first):
         found[name].add(vehicle.start)
         waiting.append((name, vehicle.start))
-    return _followed(vehicle, found, waiting)
+    vehicle.known["entries"] = _followed(vehicle, found, waiting)
+    return found
 
 
 def entries_after(vehicle: VehiclePlan, goals: Iterable[str]) -> dict[str, Entries]:
@@ -221,21 +216,21 @@ def _followed(
 def endless_states(vehicle: VehiclePlan) -> frozenset[str]:
     """Return the states whose behavior, with its parameters, has no normal end."""
     if "endless" not in vehicle.known:
-        vehicle.known["endless"] = frozenset(_endless(vehicle))
+        footprints = (
+            (name, vehicle.states[name].footprint(entry))
+            for name, entries in entries_of(vehicle).items()
+            for entry in entries.candidates()
+        )
+        vehicle.known["endless"] = frozenset(
+            name for name, footprint in footprints if footprint and footprint.is_endless
+        )
     endless: frozenset[str] = vehicle.known["endless"]
     return endless
 
 
-def _endless(vehicle: VehiclePlan) -> Iterator[str]:
-    for name, entries in entries_of(vehicle).items():
-        state = vehicle.states[name]
-        footprints = (state.footprint(entry) for entry in entries.candidates())
-        if any(footprint is not None and footprint.is_endless for footprint in footprints):
-            yield name
-
-
 def left_at(state: StatePlan, cause: Cause, entry: Vec3 | None) -> Vec3 | None:
-    """Return the position at which a transition for `cause` leaves the vehicle; None if unknown."""
+    """Return where the vehicle is when a transition for `cause` leaves the state; None if
+    unknown."""
     cls = state.behavior.cls
     if all(leg.start is GROUND and leg.end is GROUND for leg in cls.flight):
         return entry

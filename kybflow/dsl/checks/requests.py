@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.events import LANDED, KnownEvents, known_events
+from kybflow.dsl.checks.events import LANDED, known_events
 from kybflow.dsl.checks.reachability import PHRASES
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.plan import ActionKeys, CallbackPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, MOVING, Flight
 
@@ -28,7 +28,7 @@ def always_refused(case: Case) -> Iterator[Diagnostic]:
     landings and `brake` accept.
     """
     for callback, action, vehicle in case.cached(_switched):
-        flights = _found(case, callback, vehicle)
+        flights = _flights_at(case, callback, vehicle)
         goal = vehicle.goal(action.value.state)
         legs = case.legs(vehicle, goal)
         if flights and legs and not any(case.accepts(vehicle, goal, f) for f in flights):
@@ -72,7 +72,7 @@ def stopped_at_the_beginning(case: Case) -> Iterator[Diagnostic]:
         if stops and _bare(callback) in _BEFORE_ALL:
             yield Diagnostic(
                 "KYB452",
-                f"`stop` at `{callback.event}` leaves nothing to fly",
+                f"`stop` at `{callback.event}` ends the mission before anything is flown",
                 stops[0].span,
                 label="lands all vehicles at once",
                 help="stop at a later event, or add a `when`",
@@ -83,22 +83,16 @@ def stopped_at_the_beginning(case: Case) -> Iterator[Diagnostic]:
 def _switched(case: Case) -> Iterator[tuple[CallbackPlan, ActionKeys, VehiclePlan]]:
     """Yield every request to enter a state that a callback makes to the vehicle that its event
     comes from."""
-    plan = case.plan
+    plan, events = case.plan, next(iter(case.cached(known_events)))
     for callback in plan.callbacks:
         asked = [action for action in callback.do if action.name == "switch"]
         if not callback.event or not asked:
             continue
-        heard = _heard(case, callback)
+        heard = events.sources(callback.event)
         for action in asked:
             assert action.target is not None
             if heard == plan.members(action.target) and len(heard) == 1:
                 yield callback, action, plan.fleet[heard[0]]
-
-
-def _heard(case: Case, callback: CallbackPlan) -> tuple[str, ...]:
-    events: KnownEvents
-    (events,) = case.cached(known_events)
-    return events.sources(callback.event)
 
 
 def _bare(callback: CallbackPlan) -> str:
@@ -110,7 +104,7 @@ def _behavior(callback: CallbackPlan) -> str:
     return dict(callback.fields).get("behavior", "")
 
 
-def _found(case: Case, callback: CallbackPlan, vehicle: VehiclePlan) -> tuple[Flight, ...]:
+def _flights_at(case: Case, callback: CallbackPlan, vehicle: VehiclePlan) -> tuple[Flight, ...]:
     """Return the possible flight conditions of the vehicle at the callback's event; empty if
     unknown."""
     event, state = _bare(callback), _behavior(callback)

@@ -11,18 +11,12 @@ from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.durations import disturbances
 from kybflow.dsl.checks.flows import runs_of
-from kybflow.dsl.checks.reachability import (
-    endless_states,
-    entries_after,
-    entries_of,
-    may_end,
-)
+from kybflow.dsl.checks.reachability import endless_states, entries_after, entries_of, may_end
 from kybflow.dsl.checks.space import aim_of, shown_point
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 from kybflow.dsl.expanding.flows import given_vehicles, named_vehicles
 from kybflow.dsl.names import BUILT_IN
-from kybflow.dsl.plan import END, FlowPlan, StatePlan, VehiclePlan
+from kybflow.dsl.plan import END, StatePlan, VehiclePlan
 from kybflow.parts import GROUND
 
 _BELOW = frozenset({"landed", "brake", "hover", "auto_land"})
@@ -47,23 +41,19 @@ def rest_in_one_place(case: Case) -> Iterator[Diagnostic]:
     for index, (b, own) in enumerate(resting):
         for a, others in resting[:index]:
             apart = (a.airframe.diameter + b.airframe.diameter) / 2
-            if all(distance(p.at, q.at) < apart for p, q in product(own, others)):
-                yield _together(a, others[0], b, own[0], apart)
-                break
-
-
-def _together(
-    a: VehiclePlan, first: RestingPlace, b: VehiclePlan, second: RestingPlace, apart: float
-) -> Diagnostic:
-    return Diagnostic(
-        "KYB344",
-        f"`{b.name}` comes to rest where `{a.name}` does",
-        second.span,
-        label=f"{format_quantity(distance(first.at, second.at), LENGTH)} away",
-        notes=(f"`{a.name}` rests at {shown_point(first.at)} ({first.span.at})",),
-        help=f"keep their resting places at least {format_quantity(apart, LENGTH)} apart",
-        severity=Severity.WARNING,
-    )
+            if any(distance(p.at, q.at) >= apart for p, q in product(own, others)):
+                continue
+            first, second = others[0], own[0]
+            yield Diagnostic(
+                "KYB344",
+                f"`{b.name}` comes to rest where `{a.name}` does",
+                second.span,
+                label=f"{format_quantity(distance(first.at, second.at), LENGTH)} away",
+                notes=(f"`{a.name}` rests at {shown_point(first.at)} ({first.span.at})",),
+                help=f"keep their resting places at least {format_quantity(apart, LENGTH)} apart",
+                severity=Severity.WARNING,
+            )
+            break
 
 
 def _rests(case: Case, vehicle: VehiclePlan) -> list[RestingPlace]:
@@ -71,7 +61,7 @@ def _rests(case: Case, vehicle: VehiclePlan) -> list[RestingPlace]:
     unknown."""
     found: list[RestingPlace] = []
     endless = endless_states(vehicle)
-    goals = _asked_last(case, vehicle) if vehicle.requested else frozenset[str]()
+    goals = frozenset(_asked_last(case, vehicle) if vehicle.requested else ())
     if not goals <= vehicle.states.keys():
         return []
     reached = entries_after(vehicle, goals) if goals else entries_of(vehicle)
@@ -93,19 +83,16 @@ def _rests(case: Case, vehicle: VehiclePlan) -> list[RestingPlace]:
     return found
 
 
-def _asked_last(case: Case, vehicle: VehiclePlan) -> frozenset[str]:
-    """Return the states that a flow may have requested last when it ends; empty if another flow or
-    a callback may request more."""
-    name, plan = vehicle.name, case.plan
-    flows = [f for f in plan.flows if name in named_vehicles(plan, f)]
-    if len(flows) != 1 or name in given_vehicles(plan, flows[0]) or case.cached(disturbances):
-        return frozenset()
-    return frozenset(_last_goals(case, flows[0], vehicle))
-
-
-def _last_goals(case: Case, flow: FlowPlan, vehicle: VehiclePlan) -> Iterator[str]:
-    """Yield the last state that the flow requests from the vehicle, for every path from the first
-    phase to the end."""
+def _asked_last(case: Case, vehicle: VehiclePlan) -> Iterator[str]:
+    """Yield the states that may be the last ones that the vehicle's flow requests, for every path
+    from its first phase to its end. Yields nothing if another flow or a callback may request
+    more."""
+    flows = [f for f in case.plan.flows if vehicle.name in named_vehicles(case.plan, f)]
+    if len(flows) != 1 or case.cached(disturbances):
+        return
+    (flow,) = flows
+    if vehicle.name in given_vehicles(case.plan, flow):
+        return
     waiting, seen = [(flow.begin, vehicle.begin)], set[tuple[str, str]]()
     while waiting:
         name, goal = waiting.pop()
@@ -120,7 +107,7 @@ def _last_goals(case: Case, flow: FlowPlan, vehicle: VehiclePlan) -> Iterator[st
 
 
 def _rest(vehicle: VehiclePlan, state: StatePlan, entry: Vec3 | None) -> RestingPlace | None:
-    """Return where the vehicle rests after a behavior that nothing follows: below the end of its
+    """Return where the vehicle rests if nothing follows a behavior: below the end of the behavior's
     path. None if unknown."""
     footprint = state.footprint(entry)
     if footprint is None or footprint.exit is None:

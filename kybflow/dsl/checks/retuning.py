@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from kybflow.core.params import Field
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic
 
 
 def not_of_the_tracker(case: Case) -> Iterator[Diagnostic]:
@@ -22,7 +22,8 @@ def not_of_the_tracker(case: Case) -> Iterator[Diagnostic]:
             for option in sorted(processor.cls.retunes):
                 if _is_tunable(option, tracker.fields):
                     continue
-                fitting = _trackers_with(case, option)
+                known = (t for t in case.parts("trackers") if _is_tunable(option, t.fields))
+                fitting = " or ".join(f"`{tracker.name}`" for tracker in known)
                 yield Diagnostic(
                     "KYB535",
                     f"`{processor.name}` can't retune `{tracker.name}`",
@@ -36,9 +37,3 @@ def not_of_the_tracker(case: Case) -> Iterator[Diagnostic]:
 
 def _is_tunable(option: str, fields: tuple[Field, ...]) -> bool:
     return any(field.name == option and not field.read_only for field in fields)
-
-
-def _trackers_with(case: Case, option: str) -> str:
-    """Return the names of the trackers that have a tunable option of this name, as text."""
-    known = case.parts("trackers")
-    return " or ".join(f"`{spec.name}`" for spec in known if _is_tunable(option, spec.fields))

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from kybflow.core.signals import Frame, MeasurementKind, kind_name
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic
 from kybflow.dsl.plan import SensorPlan, VehiclePlan
 
 
@@ -66,7 +66,9 @@ def two_of_the_same(case: Case) -> Iterator[Diagnostic]:
     for vehicle, use in _written(case):
         for what in use.part.cls.claims(use.part.params, vehicle.own_cameras):
             first = given.setdefault((vehicle.name, what), use)
-            if first is use or (_is_same(first, use) and first.estimators != use.estimators):
+            a, b = first.part, use.part
+            is_same = (a.name, a.params) == (b.name, b.params)
+            if first is use or (is_same and first.estimators != use.estimators):
                 continue
             beside = f"listed for `{use.estimators[0]}`, the other for `{first.estimators[0]}`"
             yield Diagnostic(
@@ -75,13 +77,9 @@ def two_of_the_same(case: Case) -> Iterator[Diagnostic]:
                 use.part.span,
                 label="" if first.estimators == use.estimators else beside,
                 notes=(f"the other is at {first.part.span.at}",),
-                help="remove one: all estimators of the vehicle receive its measurements",
+                help="remove one: every estimator of the vehicle receives what the other measures",
             )
             break
-
-
-def _is_same(one: SensorPlan, other: SensorPlan) -> bool:
-    return (one.part.name, one.part.params) == (other.part.name, other.part.params)
 
 
 def _written(case: Case) -> Iterator[tuple[VehiclePlan, SensorPlan]]:

@@ -6,14 +6,14 @@ from collections.abc import Iterator, Sequence
 from itertools import chain
 from math import hypot
 
-from kybflow.core.geometry import Vec3, rotate
+from kybflow.core.geometry import Quat, Vec3, rotate
 from kybflow.core.signals import Frame
 from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.estimators import reckons
 from kybflow.dsl.checks.space import aim_of, footprints, shown_point, the_cameras
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
-from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
+from kybflow.dsl.diagnostics import Diagnostic, Related, Severity
+from kybflow.dsl.plan import VehiclePlan
 from kybflow.world.cameras import LEAST_SIDE, Camera
 from kybflow.world.tags import Tag
 
@@ -36,7 +36,11 @@ def sees_no_tag(case: Case) -> Iterator[Diagnostic]:
     may bridge the way between two places, so only its ends are checked.
     """
     tags = [*chain.from_iterable(use.tags for use in case.plan.world.tags)]
-    blind = {v.name for v in case.plan.vehicles if tags and _flies_on_tags(v)}
+    blind = {
+        v.name
+        for v in case.plan.vehicles
+        if tags and max(_axes(v), default=0.0) < _DOWNWARD and _knows_tags_alone(v)
+    }
     judged: set[tuple[str, Vec3]] = set()
     for vehicle, state, _, footprint in case.cached(footprints) if blind else ():
         name = vehicle.name
@@ -44,13 +48,13 @@ def sees_no_tag(case: Case) -> Iterator[Diagnostic]:
             if place[2] < vehicle.start[2] + _LOW or (name, place) in judged:
                 continue
             judged.add((name, place))
-            reason = _unseen(vehicle, place, tags)
-            if reason:
+            reasons = [_hidden(camera, place, tags) for camera in vehicle.own_cameras.values()]
+            if all(reasons):
                 yield Diagnostic(
                     "KYB422",
                     f"`{name}` sees no tag where `{state.name}` goes",
                     aim_of(state, footprint),
-                    label=reason,
+                    label=reasons[0],
                     notes=(f"at {shown_point(place)}",),
                     help="fly above tags, or at another height, or print other tags",
                     severity=Severity.WARNING,
@@ -66,7 +70,8 @@ def looks_past_the_tags(case: Case) -> Iterator[Diagnostic]:
         if not vehicle.body.cameras or not _knows_tags_alone(vehicle):
             continue
         tags = chain.from_iterable(use.tags for use in case.plan.world.tags)
-        if min(_axes(vehicle)) > _LEVEL and all(map(_lies_flat, tags)):
+        are_flat = all(_axis(tag.attitude) > -_DOWNWARD for tag in tags)
+        if min(_axes(vehicle)) > _LEVEL and are_flat:
             camera = vehicle.body.cameras[0]
             yield Diagnostic(
                 "KYB445",
@@ -88,41 +93,27 @@ def _tags(case: Case) -> tuple[Related, ...]:
 
 def _axes(vehicle: VehiclePlan) -> list[float]:
     """Return the z component of each camera's axis on a level vehicle; -1 is straight down."""
-    return [rotate(c.attitude, (0.0, 0.0, 1.0))[2] for c in vehicle.own_cameras.values()]
+    return [_axis(camera.attitude) for camera in vehicle.own_cameras.values()]
 
 
-def _lies_flat(tag: Tag) -> bool:
-    return rotate(tag.attitude, (0.0, 0.0, 1.0))[2] > -_DOWNWARD
-
-
-def _flies_on_tags(vehicle: VehiclePlan) -> bool:
-    """Return whether the vehicle relies on tags and dead reckoning alone, and all its cameras look
-    down."""
-    down = [axis < _DOWNWARD for axis in _axes(vehicle)]
-    return bool(down) and all(down) and _knows_tags_alone(vehicle)
+def _axis(attitude: Quat) -> float:
+    """Return the z component of the direction in which a camera or a tag with this attitude
+    faces."""
+    return rotate(attitude, (0.0, 0.0, 1.0))[2]
 
 
 def _knows_tags_alone(vehicle: VehiclePlan) -> bool:
     """Return whether the vehicle relies on tags and dead reckoning alone."""
-    sees = [_sees_tags(use) for use in vehicle.estimators]
+    parts = [use.part for use in vehicle.estimators]
+    sees = [part.cls.needs_tags and Frame in part.cls.uses(part.params) for part in parts]
     known = (
         is_by_tags or reckons(use) for is_by_tags, use in zip(sees, vehicle.estimators, strict=True)
     )
     return any(sees) and all(known)
 
 
-def _sees_tags(use: EstimatorPlan) -> bool:
-    cls = use.part.cls
-    return cls.needs_tags and Frame in cls.uses(use.part.params)
-
-
-def _unseen(vehicle: VehiclePlan, place: Vec3, tags: Sequence[Tag]) -> str:
-    """Return why no tag is seen from a position; empty if one is."""
-    reasons = [_hidden(camera, place, tags) for camera in vehicle.own_cameras.values()]
-    return reasons[0] if all(reasons) else ""
-
-
 def _hidden(camera: Camera, place: Vec3, tags: Sequence[Tag]) -> str:
+    """Return why a camera sees no tag from a position; empty if it sees one."""
     lens, (x, y, z) = camera.lens, place
     aside, reason = hypot(camera.position[0], camera.position[1]), ""
     for tag in tags:

@@ -3,7 +3,7 @@ KYB320 to KYB322 and KYB372."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from math import hypot, inf
 
 from kybflow.core.geometry import ZERO, Vec3, distance
@@ -11,8 +11,8 @@ from kybflow.core.units import LENGTH, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.flow_places import entered_by_flows
 from kybflow.dsl.checks.reachability import Entries, entries_of
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Related, Severity, Span
+from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.dsl.reading import nodes
 from kybflow.parts import AIR, GROUND, Footprint
@@ -33,6 +33,7 @@ def starts_outside(case: Case) -> Iterator[Diagnostic]:
             vehicle.span_of("start", "at"),
             label=_beyond(fence, vehicle.start),
             notes=(extent(fence),),
+            help="start inside the fence, or make the fence larger",
             related=the_fence(case),
         )
 
@@ -55,6 +56,7 @@ def starts_too_close(case: Case) -> Iterator[Diagnostic]:
             b.span_of("start", "at"),
             label=f"needs at least {format_quantity(_apart(a, b), LENGTH)}",
             notes=(f"`{a.name}` starts at {shown_point(a.start)} ({first.at})",),
+            help="start them further apart",
         )
 
 
@@ -76,6 +78,7 @@ def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
                 aim_of(state, footprint),
                 label=_beyond(fence, far),
                 notes=(extent(fence), *footprint.line_of(far)),
+                help="stay inside the fence, or make the fence larger",
                 related=(*the_fence(case), *values_of(state.behavior)),
             )
 
@@ -117,20 +120,23 @@ def too_fast(case: Case) -> Iterator[Diagnostic]:
         is_vertical = any(GROUND in leg and leg.start is not leg.end for leg in legs)
         limit = min(vehicle.airframe.speed, vehicle.airframe.climb if is_vertical else inf)
         origin = footprint.origin
-        verb = "fly" if limit == vehicle.airframe.speed else "climb and descend"
+        is_climb = limit != vehicle.airframe.speed
+        way = "climbs" if any(leg.start is GROUND for leg in legs) else "descends"
         if footprint.speed <= limit + _ROUNDING:
             continue
+        most, is_written = quantity(limit, SPEED), state.behavior.is_written("speed")
         yield Diagnostic(
             "KYB314",
-            f"`{state.name}` is too fast for `{vehicle.name}`",
+            f"`{state.name}` {way if is_climb else 'flies'} faster than `{vehicle.name}` can",
             state.behavior.span_of("speed"),
-            label=f"reaches {format_quantity(footprint.speed, SPEED)}",
+            label=f"reaches {quantity(footprint.speed, SPEED)}",
             notes=(
-                f"its airframe may {verb} at {format_quantity(limit, SPEED)}",
+                f"its airframe {'climbs and descends' if is_climb else 'flies'} at {most} at most",
                 *((f"fastest at {origin.fastest}",) if origin is not None else ()),
             ),
+            help=f"write at most `speed: {most}`" if is_written else "fly it more slowly",
             related=(
-                *the_limit(vehicle, "speed" if verb == "fly" else "climb"),
+                *the_limit(vehicle, "climb" if is_climb else "speed"),
                 *values_of(state.behavior),
             ),
         )
@@ -149,6 +155,7 @@ def refuses(case: Case) -> Iterator[Diagnostic]:
                     state.behavior.span,
                     label=reason,
                     notes=(f"entered at {shown_point(entry)}",),
+                    help="first lead the vehicle to where it can start",
                 )
                 break
 
@@ -160,16 +167,20 @@ def undecided(case: Case) -> Iterator[Diagnostic]:
     if fence is None and not obstacles:
         return
     bounds = "stays inside the fence" if fence is not None else "stays clear of the obstacles"
+    (ax, ay, az), (bx, by, bz) = fence or Box(ZERO, ZERO)
+    middle = ((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)
     for _, state, entries in _entered(case):
-        if entries.known:
+        if entries.known or state.footprint(None) is not None:
             continue
-        if state.footprint(None) is None and _travels(state, fence):
+        footprint = state.footprint(middle)
+        if footprint is not None and any(p[:2] != middle[:2] for p in footprint.points):
             yield Diagnostic(
                 "KYB315",
                 f"can't tell whether `{state.name}` {bounds}",
                 state.behavior.span,
                 label="its path depends on where it begins",
                 notes=("where it begins is unknown before the flight",),
+                help="enter it from a known place, for example after a `fly_to`",
                 severity=Severity.WARNING,
             )
 
@@ -193,14 +204,6 @@ def footprints(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, Vec3 | None
         footprint = vehicle.states[name].footprint(point)
         if footprint is not None:
             yield vehicle, vehicle.states[name], point, footprint
-
-
-def _travels(state: StatePlan, fence: Box | None) -> bool:
-    """Return whether the behavior moves sideways from where it is entered."""
-    (ax, ay, az), (bx, by, bz) = fence or Box(ZERO, ZERO)
-    middle = ((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2)
-    footprint = state.footprint(middle)
-    return footprint is not None and any(p[:2] != middle[:2] for p in footprint.points)
 
 
 def _beyond(fence: Box, point: Vec3) -> str:
@@ -275,7 +278,11 @@ def without_a_fence(case: Case) -> Iterator[Diagnostic]:
     """
     if case.plan.fence is not None:
         return
-    flying = [v for v in case.plan.vehicles if any(map(_flies, v.states.values()))]
+    flying = [
+        v
+        for v in case.plan.vehicles
+        if any(AIR in leg for state in v.states.values() for leg in state.behavior.cls.flight)
+    ]
     if flying:
         others = ", ".join(f"`{v.name}`" for v in flying[1:])
         yield Diagnostic(
@@ -287,10 +294,6 @@ def without_a_fence(case: Case) -> Iterator[Diagnostic]:
             help="write the bounds under `world`: `fence: {from: [-2, -2, 0], to: [2, 2, 2.5]}`",
             severity=Severity.WARNING,
         )
-
-
-def _flies(state: StatePlan) -> bool:
-    return any(AIR in leg for leg in state.behavior.cls.flight)
 
 
 _SAME = 1e-6
@@ -307,12 +310,8 @@ def aim_of(state: StatePlan, footprint: Footprint) -> Span:
         value = getattr(part.params, field.name)
         if not part.is_written(field.name) or value is None:
             continue
-        if _leads((value,) if field.shape == "vector" else value, way):
+        points = (value,) if field.shape == "vector" else value
+        # the centre of a circle is no target: the path does not lead through, above or below it
+        if any(hypot(p[0] - w[0], p[1] - w[1]) < _SAME for p in points for w in way):
             return part.span_of(field.name)
     return part.span
-
-
-def _leads(told: Iterable[Vec3], way: tuple[Vec3, ...]) -> bool:
-    """Return whether the path `way` passes through, above or below one of the points `told`. The
-    centre of a circle doesn't count."""
-    return any(hypot(t[0] - w[0], t[1] - w[1]) < _SAME for t in told for w in way)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from kybflow.core.geometry import Vec3, conjugate, distance, dot, multiply, rotate, sub
 from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.world import Tags
 from kybflow.world.shapes import Box
 from kybflow.world.tags import Key, Tag
@@ -81,7 +81,7 @@ def tags_that_overlap(case: Case) -> Iterator[Diagnostic]:
 
 
 def _floors(uses: tuple[Tags, ...]) -> Iterator[_Floor]:
-    """Yield each entry, without the tags that an earlier entry also has."""
+    """Yield each entry of `tags` without the tags that an earlier entry also has."""
     known: set[Key] = set()
     for use in uses:
         own = [tag for tag in use.tags if tag.key not in known]
@@ -148,17 +148,14 @@ def overlap(a: Tag, b: Tag) -> bool:
     x, y = rotate(turn, (1.0, 0.0, 0.0)), rotate(turn, (0.0, 1.0, 0.0))
     axes: tuple[Vec3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), x, y)
     return all(
-        abs(dot(across, axis)) < _half(a.size, axis) + _half(b.size, _seen(axis, x, y)) - _ROUNDING
+        abs(dot(across, axis))
+        < _half(a.size, axis) + _half(b.size, (dot(axis, x), dot(axis, y), 0.0)) - _ROUNDING
         for axis in axes
     )
 
 
-def _seen(axis: Vec3, x: Vec3, y: Vec3) -> Vec3:
-    return dot(axis, x), dot(axis, y), 0.0
-
-
 def _half(size: float, axis: Vec3) -> float:
-    """Return half the extent along `axis` of an axis-aligned square."""
+    """Return how far a square with this side reaches from its centre along `axis`, m."""
     return 0.5 * size * (abs(axis[0]) + abs(axis[1]))
 
 

@@ -7,10 +7,8 @@ from typing import NamedTuple
 
 from kybflow.core.params import named_in
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.contexts import contexts
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.checks.case import Case, contexts
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 from kybflow.dsl.names import no_vehicles
 from kybflow.dsl.plan import StatePlan, VehiclePlan
 

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from kybflow.dsl.checks.case import TARGETS, WORDS, Case, no_state, part_of, wrong_goal
 from kybflow.dsl.checks.flows import all_known, phases
 from kybflow.dsl.checks.reachability import PHRASES, FlightEdge, endless_states, flight_graph
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Diagnostic, Span, Text
 from kybflow.dsl.expanding.flows import GROUNDED
 from kybflow.dsl.expressions import Condition
 from kybflow.dsl.expressions.reasoning import implies
@@ -74,30 +73,26 @@ def ends_that_do_not_meet(case: Case) -> Iterator[Diagnostic]:
     """
     for vehicle in case.plan.vehicles:
         for link in flight_graph(case, vehicle).broken:
-            yield _broken(case, vehicle, link)
-
-
-def _broken(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> Diagnostic:
-    source = vehicle.states[link.source.state]
-    target = link.transition.target
-    legs = case.legs(vehicle, target)
-    own, part = source.behavior.name, part_of(vehicle, target)
-    early = ", left before its end," if link.flight is MOVING else ""
-    return Diagnostic(
-        "KYB203",
-        f"`{target}` can't follow `{source.name}`",
-        link.transition.target_span,
-        label=f"needs a vehicle {_starts(legs)}",
-        notes=(
-            f"`{source.name}` ({own}){early} leaves the vehicle {PHRASES[link.flight]}; "
-            f"`{target}` ({part}) starts {_starts(legs)}",
-        ),
-        help=_alternative(case, vehicle, link),
-    )
+            source, target = vehicle.states[link.source.state], link.transition.target
+            own, part = source.behavior.name, part_of(vehicle, target)
+            starts = _starts(case.legs(vehicle, target))
+            early = ", left before its end," if link.flight is MOVING else ""
+            yield Diagnostic(
+                "KYB203",
+                f"`{target}` can't follow `{source.name}`",
+                link.transition.target_span,
+                label=f"needs a vehicle {starts}",
+                notes=(
+                    f"`{source.name}` ({own}){early} leaves the vehicle {PHRASES[link.flight]}; "
+                    f"`{target}` ({part}) starts {starts}",
+                ),
+                help=_alternative(case, vehicle, link),
+            )
 
 
 def _alternative(case: Case, vehicle: VehiclePlan, link: FlightEdge) -> str:
-    """Return the next behavior in the file that fits, or else a built-in state that does."""
+    """Return the help line with the next behavior in the file that could follow, or else with a
+    built-in state that could; empty if there is none."""
     names = list(vehicle.states)
     behind = names[names.index(link.source.state) + 1 :] + names
     own = [n for n in behind if n != link.source.state]
@@ -141,8 +136,8 @@ def unreachable_states(case: Case) -> Iterator[Diagnostic]:
 
 
 def _way_in(case: Case, vehicle: VehiclePlan, name: str) -> str:
-    """Return the help line for a behavior that is not reached. Other vehicles that share it may
-    need it."""
+    """Return the help line for a behavior that is never reached. If only other vehicles that share
+    the behavior reach it, it should be written only for those."""
     own = vehicle.states.get(vehicle.goal(name))
     needing = [
         f"`{other.name}`"
@@ -154,7 +149,10 @@ def _way_in(case: Case, vehicle: VehiclePlan, name: str) -> str:
     ]
     if needing:
         return f"write it only in {' and '.join(needing)}, which reaches it"
-    return f"let another behavior go there, as `then: {name}`, or remove it"
+    if case.plan.flows:
+        a_flow = f"let a flow run it (`run: {{{vehicle.name}: {name}}}`)"
+        return f"let a behavior lead to it (`then: {name}`), {a_flow}, or remove it"
+    return f"let another behavior lead to it (`then: {name}`), or remove it"
 
 
 def _unreached(
@@ -182,8 +180,8 @@ def _open_ends(vehicle: VehiclePlan, reached: AbstractSet[str]) -> Iterator[str]
 
 
 def reached_states(vehicle: VehiclePlan, since: tuple[str, ...] = ()) -> set[str]:
-    """Return the states reached from those in `since`, or else from those where the vehicle begins
-    or that may be requested. They include unknown names."""
+    """Return the states that are reached from those in `since`, by default from the first state and
+    from those that may be requested. Names that the vehicle does not have are included."""
     waiting = list(since or (vehicle.begin, *vehicle.requested))
     reached = set(waiting)
     while waiting:
@@ -220,10 +218,20 @@ def never_fires(case: Case) -> Iterator[Diagnostic]:
     happens.
     """
     for vehicle in case.plan.vehicles:
-        for name in sorted(endless_states(vehicle)):
-            yield from _never_done(vehicle.states[name])
+        for state in (vehicle.states[name] for name in sorted(endless_states(vehicle))):
+            for way in (t for t in state.transitions if t.cause == "then" and not t.since):
+                yield Diagnostic(
+                    "KYB206",
+                    f"this transition of `{state.name}` is never taken",
+                    way.target_span,
+                    label=f"`{state.behavior.name}` never ends by itself",
+                    help="leave it with `next` or `within`, or set its duration if it has one",
+                )
     for vehicle, state in case.states():
-        guarded = list(_guarded(case, vehicle, state))
+        scope = case.scopes.condition(vehicle.name)
+        timed = [t for t in state.transitions if t.cause in ("next", "within")]
+        timed.sort(key=lambda t: t.cause == "within")
+        guarded = [_Guarded(t, case.condition(t, "when", scope)) for t in timed]
         for index, later in enumerate(guarded):
             others = [a for a in guarded if _can_shadow(a, later, vehicle, state)]
             before = [a for a in guarded[:index] if a in others and _covers(a, later)]
@@ -245,26 +253,6 @@ def phases_never_left(case: Case) -> Iterator[Diagnostic]:
             if before and later.transition.span not in told:
                 told.add(later.transition.span)
                 yield _shadowed("KYB241", phase, later.transition, before[0].transition)
-
-
-def _never_done(state: StatePlan) -> Iterator[Diagnostic]:
-    for transition in state.transitions:
-        if transition.cause == "then" and not transition.since:
-            yield Diagnostic(
-                "KYB206",
-                f"this transition of `{state.name}` is never taken",
-                transition.target_span,
-                label=f"`{state.behavior.name}` never ends by itself",
-                help="leave it with `next` or `within`, or set its duration if it has one",
-            )
-
-
-def _guarded(case: Case, vehicle: VehiclePlan, state: StatePlan) -> Iterator[_Guarded]:
-    scope = case.scopes.condition(vehicle.name)
-    timed = [t for t in state.transitions if t.cause in ("next", "within")]
-    for transition in sorted(timed, key=lambda t: t.cause == "within"):
-        when = case.condition(transition, "when", scope)
-        yield _Guarded(transition, when)
 
 
 def _can_shadow(first: _Guarded, later: _Guarded, vehicle: VehiclePlan, state: StatePlan) -> bool:

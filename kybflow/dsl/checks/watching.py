@@ -11,11 +11,10 @@ from typing import Any
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import Reaction
 from kybflow.core.units import LENGTH, SPEED, format_quantity
-from kybflow.dsl.checks.case import Case, transitions_of
-from kybflow.dsl.checks.contexts import contexts
+from kybflow.dsl.checks.case import Case, contexts, transitions_of
 from kybflow.dsl.checks.space import footprints
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.plan import PartPlan, VehiclePlan
+from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.plan import PartPlan
 from kybflow.parts import Objection
 
 
@@ -121,7 +120,10 @@ def falls(case: Case) -> Iterator[Diagnostic]:
         for part in vehicle.supervisors:
             if getattr(part.params, "reaction", None) != "cut":
                 continue
-            height = max(0.0, _highest(case, vehicle) - vehicle.start[2])
+            ways = (way for owner, _, _, way in case.cached(footprints) if owner is vehicle)
+            heights = [point[2] for way in ways for point in way.points]
+            top = vehicle.start[2] if case.plan.fence is None else case.plan.fence.high[2]
+            height = max(0.0, max(heights, default=top) - vehicle.start[2])
             speed = format_quantity(sqrt(2.0 * GRAVITY * height), SPEED)
             yield Diagnostic(
                 "KYB418",
@@ -132,12 +134,3 @@ def falls(case: Case) -> Iterator[Diagnostic]:
                 help="write `reaction: land_blind`, unless a fall is the least harmful",
                 severity=Severity.WARNING,
             )
-
-
-def _highest(case: Case, vehicle: VehiclePlan) -> float:
-    found = case.cached(footprints)
-    ways = (way for owner, _, _, way in found if owner is vehicle)
-    heights = [point[2] for way in ways for point in way.points]
-    fence = case.plan.fence
-    top = vehicle.start[2] if fence is None else fence.high[2]
-    return max(heights, default=top)

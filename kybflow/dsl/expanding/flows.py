@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.diagnostics import Findings
 from kybflow.dsl.expanding.vehicles import next_transition
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.records import Source
@@ -53,7 +53,7 @@ def flows_of(node: Node | None, decoder: Decoder) -> tuple[FlowPlan, ...]:
         written = [name for name, phase in phases if isinstance(phase.value, Mapping)]
         if not written:
             message = f"the flow `{name}` needs `phases`"
-            hint = "write `phases: {...}`, or start from a flow that has some"
+            hint = "write `phases: {...}`, or name a flow in `like` that has some"
             decoder.found.report("KYB102", message, entry.key.span, help=hint)
             continue
         first: dict[str, Any] = {} if body.get("begin") is not None else {"begin": written[0]}

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from kybflow.core.params import fields_of
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import PREFIX, Span
+from kybflow.dsl.diagnostics import PREFIX, Findings, Span
 from kybflow.dsl.expanding.flows import flows_of, with_requests, with_waiting
 from kybflow.dsl.expanding.targets import Target, inputs_of, needed_rate
 from kybflow.dsl.expanding.vehicles import body_of, vehicle_of
@@ -112,11 +111,12 @@ def _control(root: Mapping, needed: int, decoder: Decoder) -> int:
         return needed
     if not rate.is_integer():
         message = f"`control` must be a whole number of Hz, but this is {rate:g} Hz"
-        decoder.found.report("KYB152", message, node.span)
+        decoder.found.report("KYB152", message, node.span, help=f"write `{rate:.0f} Hz`")
     elif not LEAST_CONTROL <= rate <= MOST_CONTROL:
-        message = f"`control` can't be {rate:g} Hz"
-        hint = f"fly with {LEAST_CONTROL} to {MOST_CONTROL} Hz: below, no tracker holds a vehicle"
-        decoder.found.report("KYB152", message, node.span, help=hint)
+        message = f"`control` can't be {node.text}"
+        why = "no tracker holds a vehicle at such a low rate" if rate < LEAST_CONTROL else ""
+        hint = f"write {LEAST_CONTROL} to {MOST_CONTROL} Hz"
+        decoder.found.report("KYB152", message, node.span, why, help=hint)
     return int(rate)
 
 
@@ -286,7 +286,8 @@ def faults_of(node: Node | None, decoder: Decoder) -> tuple[FaultPlan, ...]:
             both = when is not None
             what = f"`{name.text}`" if isinstance(name, Scalar) else "a fault"
             message = f"{what} has {'both `at` and' if both else 'neither `at` nor'} `when`"
-            span = item.entries["when"].key.span if both else head_of(item)
+            span = name.span if isinstance(name, Scalar) else head_of(item)
+            span = item.entries["when"].key.span if both else span
             hint = "write one: `at: 20 s` or `when: CONDITION`"
             decoder.found.report("KYB180", message, span, help=hint)
         fault: FaultPlan | None = decoder.record(FaultPlan, item, item.span)

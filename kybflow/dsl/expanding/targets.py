@@ -12,8 +12,7 @@ from kybflow.core.errors import KybflowError
 from kybflow.core.params import fields_of
 from kybflow.core.signals import MeasurementKind
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Findings, Severity
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Findings, Severity, Span, Text
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.records import Source
 from kybflow.dsl.plan import InputPlan, PartPlan, Place, SensorPlan, TargetKeys, VehiclePlan
@@ -80,8 +79,11 @@ class Target:
             if driver is not None:
                 drivers[name] = driver
             elif self.is_written and name not in written and "all" not in written:
-                message = f"`{name}` has no driver on the target `{self.name.text}`"
-                self._found.report("KYB151", message, self.name.span)
+                target = self.name.text
+                message = f"`{name}` has no driver on the target `{target}`"
+                hint = f"write `{target}: {{{name}: {{driver: NAME}}}}`"
+                hint += "; `kybflow parts` lists the drivers"
+                self._found.report("KYB151", message, self.name.span, help=hint)
         return drivers
 
     def _implied(self) -> dict[str, str] | None:

@@ -13,8 +13,7 @@ from math import degrees, tan
 from kybflow.core.geometry import Quat, conjugate, from_axes, from_euler, multiply, to_euler
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.calibration_file import read_calibration
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Findings, Span
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.records import Source
 from kybflow.dsl.names import failure_of
@@ -126,7 +125,7 @@ def _chain(entry: MappingEntry, first: dict[str, str], decoder: Decoder) -> Chai
     assert isinstance(body, Mapping)
     for key, inner in body.entries.items():
         if key not in OF_CHAINS:
-            message = f"`{key}` is no key of a chain's own entry"
+            message = f"`{key}` is not a key of a chain's own entry"
             hint = did_you_mean(key, OF_CHAINS)
             decoder.found.report("KYB101", message, inner.key.span, help=hint)
     chain: ChainPlan = decoder.record(ChainPlan, body, entry.key.span, entry.inherited, name=name)

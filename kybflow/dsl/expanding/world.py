@@ -25,8 +25,7 @@ from kybflow.core.geometry import (
 )
 from kybflow.core.params import RecordOf, fields_of
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import PREFIX, Span
+from kybflow.dsl.diagnostics import PREFIX, Findings
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.records import EMPTY
 from kybflow.dsl.plan import Parameter
@@ -90,13 +89,20 @@ def world_of(node: Node | None, decoder: Decoder) -> World:
     lost = {n: ZERO for n, e in points.items() if n not in world.points and not is_null(e.value)}
     box = None if world.fence is None else Box(world.fence.low, world.fence.high)
     if box is not None and not _has_inside(box):
-        decoder.found.report("KYB153", "the fence has no inside", world.fence.span, help=_ORDER)
+        message = f"the fence is empty: {_crossed(box)}"
+        decoder.found.report("KYB153", message, world.fence.span, help=_ORDER)
     whole: World = world.but(box=box, points={**world.points, **lost})
     return whole
 
 
 def _has_inside(box: Box) -> bool:
     return all(a < b for a, b in zip(box.low, box.high, strict=True))
+
+
+def _crossed(box: Box) -> str:
+    """Return the first axis along which a box is empty, in words: `1 m to 0 m along x`."""
+    low, high, axis = next(c for c in zip(box.low, box.high, "xyz", strict=True) if c[0] >= c[1])
+    return f"{low:g} m to {high:g} m along {axis}"
 
 
 def _obstacle(entry: MappingEntry, decoder: Decoder) -> Obstacle | None:
@@ -137,7 +143,7 @@ def _solid(solid: Any, found: Findings) -> tuple[Shape | None, tuple[File, ...]]
             if _has_inside(box):
                 return box, ()
             span = solid.source.node.span
-            found.report("KYB156", "the box has no inside", span, help=_ORDER)
+            found.report("KYB156", f"the box is empty: {_crossed(box)}", span, help=_ORDER)
         case CylinderParams():
             return Cylinder(solid.at, solid.radius, solid.height), ()
         case SphereParams():
@@ -278,8 +284,16 @@ def _tags(entry: MappingEntry, decoder: Decoder) -> Tags | None:
         return tags.but(tags=tuple(r.tag for r in rows), lines=lines, source=source)
     if (grid := tags.grid) is not None and _is_grid(grid, found):
         return tags.but(tags=tuple(tags_of(grid)))
-    if (one := tags.tag) is not None and _has(one.family, one.id, one.span_of("id"), found):
+    if (one := tags.tag) is None:
+        return None
+    most = FAMILIES[one.family][1] - 1
+    if one.id <= most:
         return tags.but(tags=(tag_of(one),))
+    message, hint = (
+        f"the family `{one.family}` has no tag {one.id}",
+        f"choose an `id` from 0 to {most}",
+    )
+    found.report("KYB381", message, one.span_of("id"), help=hint)
     return None
 
 
@@ -291,26 +305,27 @@ def _is_grid(grid: GridParams, found: Findings) -> bool:
         found.report("KYB382", message, grid.span_of("count"), help="write it like `[10, 10]`")
         return False
     last = grid.first + grid.count[0] * grid.count[1] - 1
-    if not _has(grid.family, last, grid.span_of("count"), found):
+    size = FAMILIES[grid.family][1]
+    if last >= size:
+        columns, rows = grid.count
+        message = (
+            f"a grid of {columns} by {rows} needs {columns * rows} tags, but the family "
+            f"`{grid.family}` has only {size}"
+        )
+        if grid.first:
+            message = f"the grid needs the tags {grid.first} to {last}, but the last is {size - 1}"
+        hint = "use a smaller `count` or `first`, or another family"
+        found.report("KYB381", message, grid.span_of("count"), help=hint)
         return False
     strange = [number for number in grid.leave_out if not grid.first <= number <= last]
-    message = ""
+    message, hint = "", f"name some of its tags, {grid.first} to {last}"
     if strange:
         message = f"the grid has no tag {strange[0]} to leave out"
     elif len(set(grid.leave_out)) > last - grid.first:
-        message = "the grid leaves out every tag"
+        message, hint = "the grid leaves out every tag", "keep at least one"
     if message:
-        hint = f"its tags are {grid.first} to {last}"
         found.report("KYB382", message, grid.span_of("leave_out"), help=hint)
     return not message
-
-
-def _has(family: str, number: int, span: Span, found: Findings) -> bool:
-    most = FAMILIES[family][1] - 1
-    if number > most:
-        message, hint = f"{family} has no tag {number}", f"its tags are 0 to {most}"
-        found.report("KYB381", message, span, help=hint)
-    return number <= most
 
 
 def tag_of(tag: TagParams) -> Tag:

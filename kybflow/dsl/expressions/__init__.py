@@ -4,7 +4,6 @@ YAML would end a value at them inside `{...}`. This package exports the tree, `p
 
 from __future__ import annotations
 
-from kybflow.dsl.expressions.describe import describe
 from kybflow.dsl.expressions.parse import Scope, parse
 from kybflow.dsl.expressions.tree import (
     Aggregate,
@@ -28,6 +27,7 @@ from kybflow.dsl.expressions.tree import (
     Read,
     Separation,
     Word,
+    describe,
 )
 
 __all__ = [

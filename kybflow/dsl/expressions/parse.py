@@ -24,11 +24,11 @@ from typing import NamedTuple, cast, get_args
 
 from kybflow.core.text import nearest
 from kybflow.core.units import DURATION, LENGTH, NUMBER, Dimension
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.diagnostics.spans import PREFIX, Text
+from kybflow.dsl.diagnostics import PREFIX, Diagnostic, Findings, Text
 from kybflow.dsl.expressions import tree
 from kybflow.dsl.expressions.semantics import HEALTH, Operand, Scope, Semantics, is_quantity
 from kybflow.dsl.expressions.tokens import Cursor, Token, Unreadable
+from kybflow.dsl.expressions.tree import shown_value
 from kybflow.parts.observables import OBSERVABLES
 
 __all__ = ["Scope", "parse"]
@@ -45,6 +45,7 @@ CODES = {
 }
 MAX_DEPTH = 32
 MAX_LENGTH = 2000
+_SPLIT = "remove superfluous parentheses, or split the condition"
 EXPECTATIONS = ("always", "eventually", "finally", "finished")
 FLIPPED: Mapping[tree.ComparisonOperator, tree.ComparisonOperator] = {
     "<": ">", "<=": ">=", ">": "<", ">=": "<=", "==": "==", "!=": "!=",
@@ -64,22 +65,19 @@ class Parsed(NamedTuple):
 def parse(text: Text, scope: Scope) -> Parsed:
     """Parse `text`. Return the expression, or None with the findings. Never raises."""
     parsed: Parsed | None = scope.read.get(text)
-    if parsed is None:
-        parsed = scope.read[text] = _parsed(text, scope)
-    return parsed
-
-
-def _parsed(text: Text, scope: Scope) -> Parsed:
-    found = Findings()
+    if parsed is not None:
+        return parsed
+    found, expression = Findings(), None
     if len(text.text) > MAX_LENGTH:
-        message = f"an expression may have {MAX_LENGTH} characters, this one has {len(text.text)}"
-        found.report("KYB214", message, text.span, "too long")
-        return Parsed(None, found.all)
-    try:
-        expression = _Parser(text, scope, found).whole()
-    except Unreadable:
-        return Parsed(None, found.all[-1:])  # the reason why parsing stopped
-    return Parsed(None if found.all else expression, found.all)
+        message = f"this expression is longer than {MAX_LENGTH} characters"
+        found.report("KYB214", message, text.span, f"{len(text.text)} characters", help=_SPLIT)
+    else:
+        try:
+            expression = _Parser(text, scope, found).whole()
+        except Unreadable:
+            del found.all[:-1]  # the last one is the reason why parsing stopped
+    parsed = scope.read[text] = Parsed(None if found.all else expression, found.all)
+    return parsed
 
 
 class _Parser:
@@ -148,12 +146,15 @@ class _Parser:
                 "write `always`, `eventually` or `finally` before it, or `max(...)` around a value"
             )
         elif isinstance(condition, tree.Compare):
-            message = "a statistic is compared with a quantity or with another statistic"
-            label = "of which time?"
-            hint = "write `max(...)` or another statistic around the other side"
+            is_left = isinstance(condition.left, tree.Aggregate)
+            sides = (condition.left, condition.right)
+            one, other = map(shown_value, sides if is_left else sides[::-1])
+            message = f"`{one}` is one number for the whole run, but `{other}` changes during it"
+            label, side = "", "right" if is_left else "left"
+            hint = f"write `max({other})` or another statistic on the {side} side"
         else:
             message = "statistics can't be joined with `and`, `or` or `not`"
-            label, hint = "joined here", "write each comparison as a line of its own"
+            label, hint = "joined here", "write each comparison on a line of its own"
         whole = first._replace(end=self._tokens.behind())
         self._semantics.report("KYB213", whole, message, label, hint)
         return condition
@@ -173,8 +174,8 @@ class _Parser:
     def _single(self) -> tree.Condition:
         self._depth += 1
         if self._depth > MAX_DEPTH:
-            message = f"an expression may be nested {MAX_DEPTH} deep, this one is deeper"
-            raise self._tokens.stopped("KYB214", message, "too deep")
+            message = f"this expression is nested more than {MAX_DEPTH} levels deep"
+            raise self._tokens.stopped("KYB214", message, "one level too many", _SPLIT)
         try:
             first, second = self._tokens.peek(), self._tokens.peek(1)
             if first.text == "not":
@@ -197,7 +198,7 @@ class _Parser:
             self._depth -= 1
 
     def _group_in_state(self) -> tree.Condition:
-        quantifier = cast(tree.Quantifier, self._tokens.take().text)
+        quantifier = cast("tree.Quantifier", self._tokens.take().text)
         name = self._name("a group")
         vehicles = self._semantics.group(name)
         self._tokens.expect("in")
@@ -209,8 +210,13 @@ class _Parser:
 
     def _comparison(self) -> tree.Condition:
         left = self._operand()
+        follows = self._tokens.peek()
+        if follows.kind == "name" and (near := nearest(left.source, _QUANTIFIERS)):
+            message = f"found `{follows.text}` where a comparison such as `<` should be"
+            hint = f"did you mean `{near} {follows.text} in ...`?"
+            raise self._tokens.stopped("KYB210", message, "", hint)
         token = self._tokens.of_kind("operator", "a comparison such as `<`")
-        operator = cast(tree.ComparisonOperator, token.text)
+        operator = cast("tree.ComparisonOperator", token.text)
         right = self._operand()
         if self._tokens.peek().kind == "operator":
             raise self._tokens.unexpected(_NEXT)
@@ -299,10 +305,8 @@ class _Parser:
             return tree.Location(name, start=True)
         self._semantics.payload(name, token)
         if self._scope.kind != "expectation":
-            message = (
-                f"where `{token.text}` is, only a simulator knows; no condition is asked of it"
-            )
-            hint = "ask for it in `expect:`; a condition may ask `payload == released`"
+            message = f"only a simulator knows where `{token.text}` is, so no condition can test it"
+            hint = "test it in `expect:`; a condition can test `payload == released`"
             self._semantics.report("KYB213", token, message, "not here", hint)
         return tree.Location(name, payload=True)
 
@@ -326,11 +330,14 @@ class _Parser:
 
     def _aggregate(self, token: Token) -> tuple[tree.Aggregate, Dimension | None]:
         self._has_statistics = True
-        if not self._may_have_statistics:
-            message = f"`{token.text}(...)` looks at a whole run; a condition is asked every tick"
-            hint = "a statistic stands in `expect:`, compared with a quantity"
-            self._semantics.report("KYB213", token, message, "not here", hint)
         inner = self._operand()
+        if not self._may_have_statistics:
+            message = (
+                f"`{token.text}(...)` covers the whole run, but a condition is checked in every "
+                "tick"
+            )
+            hint = f"compare `{inner.source}` itself, or move the statistic to `expect:`"
+            self._semantics.report("KYB213", token, message, "not here", hint)
         node, vehicle = inner.node, _subject(inner.node)
         if node is None and not is_quantity(inner):
             self._semantics.unknown_name(inner)
@@ -343,9 +350,9 @@ class _Parser:
             state = self._semantics.state(vehicle or "", self._name("a state"))
             if vehicle is None and inner.node is not None and not inner.is_broken:
                 message = f"`{inner.source}` belongs to no one vehicle that could be in `{state}`"
-                hint = "leave `in ...` away"
+                hint = "leave out `in ...`"
                 self._semantics.report("KYB212", inner.token, message, "of no one vehicle", hint)
-        function = cast(tree.Function, token.text)
+        function = cast("tree.Function", token.text)
         owner = vehicle if state else None
         return tree.Aggregate(function, measured, owner, state), inner.dimension
 

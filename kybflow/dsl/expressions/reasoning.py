@@ -171,7 +171,8 @@ def implies(narrow: Condition, wide: Condition) -> bool:
 
 
 def _groups(condition: Condition, truth: bool) -> list[_Group]:
-    """Return the groups of facts of which one holds if `condition` has the value `truth`."""
+    """Return groups of facts such that `condition` has the value `truth` exactly if all facts of
+    one group hold."""
     match condition:  # comparisons first, since most conditions are comparisons
         case Compare(operator, Quantity(bound, _), value):
             return [(_fact(value, FLIPPED[operator], bound, truth),)]
@@ -190,8 +191,9 @@ def _groups(condition: Condition, truth: bool) -> list[_Group]:
 
 
 def _joined(parts: list[list[_Group]], together: bool) -> list[_Group]:
-    """Return the groups of several parts: combinations with one group of each part if the parts
-    hold together, otherwise the groups of all parts."""
+    """Return the groups of a condition with several parts. together: whether the parts must hold
+    together; then each group combines one group of every part. Otherwise the groups of all parts
+    are returned."""
     if not together:
         return [group for part in parts for group in part]
     groups: list[_Group] = [()]
@@ -209,7 +211,8 @@ def _fact(
 
 
 def _contradicts(group: _Group, bounds: Bounds) -> bool:
-    """Return whether the facts of a group exclude every value of something that they compare."""
+    """Return whether no value of something that a group compares satisfies all of the group's
+    facts."""
     facts: dict[object, list[_Fact]] = {}
     for fact in group:
         facts.setdefault(fact.value, []).append(fact)

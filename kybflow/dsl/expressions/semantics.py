@@ -7,12 +7,12 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
+from kybflow.core import units
 from kybflow.core.errors import UnitError
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import NUMBER, RATIO, Dimension, article, parse_quantity
-from kybflow.dsl.diagnostics.diagnostic import Findings, goals_like
-from kybflow.dsl.diagnostics.spans import PREFIX, Text
+from kybflow.dsl.diagnostics import PREFIX, Findings, Text, goals_like
 from kybflow.dsl.expressions.tokens import Token
 from kybflow.dsl.expressions.tree import (
     Aggregate,
@@ -118,7 +118,7 @@ class Semantics:
         return points.get(name, ZERO)
 
     def payload(self, vehicle: str, token: Token) -> None:
-        """Report a read of the payload of a vehicle that has none."""
+        """Report an expression that reads the payload of a vehicle without one."""
         if vehicle in self._scope.vehicles and vehicle not in self._scope.carriers:
             hint = f"give `{vehicle}` one: `payload: {{mass: 200 g, size: 10 cm}}`"
             self.report("KYB211", token, f"`{vehicle}` carries no payload", "unknown", hint)
@@ -154,7 +154,7 @@ class Semantics:
             known = _fitting(rest, OBSERVABLES, other)
             self.report_unknown(inner, f"`{rest}` of `{first}` is unknown", known)
         elif first in scope.inputs and rest:
-            self.report_unknown(inner, f"`{rest}` is no axis of `{first}`", scope.inputs[first])
+            self.report_unknown(inner, f"`{first}` has no axis `{rest}`", scope.inputs[first])
         else:
             own = list(OBSERVABLES) if scope.own is not None else []
             others = [f"{v}.{name}" for v in scope.vehicles for name in OBSERVABLES]
@@ -164,8 +164,8 @@ class Semantics:
             self.report_unknown(token, f"`{token.text}` is unknown", known)
 
     def compared(self, left: Operand, operator: ComparisonOperator, right: Operand) -> Condition:
-        """Return the comparison of two sides, and report them if they don't fit together. `behavior
-        == CHAIN` is true in every state of the chain."""
+        """Return the comparison of two sides; report them if they can't be compared. `behavior ==
+        CHAIN` holds in every state of the chain."""
         a, b = left.node, right.node
         if left.is_broken or right.is_broken:
             return Compare(operator, STAND_IN, STAND_IN)
@@ -184,7 +184,8 @@ class Semantics:
         if left.node is not None and right.node is not None and is_mixed:
             own, other = type_name(left.dimension), type_name(right.dimension)
             message = f"`{left.source}` is {own}, but `{right.source}` is {other}"
-            self.report("KYB212", right.token, message, other)
+            hint = f"compare `{left.source}` with {own}"
+            self.report("KYB212", right.token, message, "can't be compared", hint)
         if operator not in ("==", "!=") and left.dimension is right.dimension is None:
             message = "names are compared with `==` and `!=`"
             self.report("KYB212", right.token, message, "names have no order")
@@ -211,11 +212,12 @@ class Semantics:
             value = self.measured(side.token, other.dimension, is_of)
             if other.dimension is RATIO and not 0.0 <= value <= 1.0:
                 message = f"`{other.source}` is never more than 100 % or less than 0 %"
-                self.report("KYB215", side.token, message, "never reached")
+                hint = "write a value from 0 % to 100 %"
+                self.report("KYB215", side.token, message, "never reached", hint)
             return Quantity(value, other.dimension)
         if is_quantity(side):
-            message = f"{is_of}, `{side.source}` is a quantity"
-            self.report("KYB212", side.token, message, "a quantity")
+            message = f"{is_of}, but `{side.source}` is a quantity"
+            self.report("KYB212", side.token, message, "a name is needed")
         elif other.dimension is None and isinstance(other.node, Read):
             return self._word(side.token, other.node)
         else:
@@ -239,22 +241,14 @@ class Semantics:
 
 
 def _fitting(name: str, known: Collection[str], other: Operand | None) -> Collection[str]:
-    """Return the names in `known` that continue `name` (such as `battery.remaining` for `battery`)
-    and have the dimension of the other side, if it is a quantity; all names if there are none."""
+    """Return the names in `known` that extend `name` (such as `battery.remaining` for `battery`).
+    If the other side of the comparison is a quantity, return only those of its dimension. If there
+    are none, return all of `known`."""
     members = [one for one in known if one.startswith(f"{name}.") and one in OBSERVABLES]
     if other is None or not is_quantity(other):
         return members or known
-    return [one for one in members if _can_be(other.source, OBSERVABLES[one].dimension)] or known
-
-
-def _can_be(source: str, dimension: Dimension | None) -> bool:
-    if dimension is None:
-        return False
-    try:
-        parse_quantity(source, dimension)
-    except UnitError:
-        return False
-    return True
+    dimensions = {one: OBSERVABLES[one].dimension for one in members}
+    return [o for o, d in dimensions.items() if d and units.is_quantity(other.source, d)] or known
 
 
 def is_quantity(side: Operand) -> bool:

@@ -7,8 +7,7 @@ import re
 from typing import NamedTuple
 
 from kybflow.core.text import as_typed
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.dsl.diagnostics import Findings, Text
 from kybflow.dsl.reading.nodes import NAME_A_POINT, no_commas
 
 KEYWORDS = frozenset({"and", "or", "not", "in", "to", "within", "always", "eventually", "finally"})
@@ -112,11 +111,12 @@ class Cursor:
         """Report the next token as not `expected`, and return the exception to raise."""
         token = self.peek()
         shown = f"`{token.text}`" if token.text else "the end"
-        message, hint = (
-            f"found {shown} where {expected} should be",
-            _way_out(self._text.text, token),
-        )
-        return self.stopped("KYB210", message, f"expected {expected}", hint)
+        hint = _way_out(self._text.text, token)
+        if not token.text and expected == "`)`":
+            hint = f"close the parenthesis: `{self._text.text.strip()})`"
+        elif not token.text and "comparison" in expected:
+            hint = "add what it is compared with, such as `< 5 cm`"
+        return self.stopped("KYB210", f"found {shown} where {expected} should be", "", hint)
 
     def stopped(self, code: str, message: str, label: str, help: str = "") -> Unreadable:
         """Report at the next token why parsing stops, and return the exception to raise."""
@@ -131,11 +131,11 @@ def _way_out(text: str, token: Token) -> str:
         number, rest = re.split(r"[^\d]", before)[-1], re.split(r"[^\d]", after)[0]
         return f"write `{number}.{rest}`, with a decimal point"
     if not token.text.isascii() and (typed := as_typed(token.text)) != token.text:
-        return f"write `{typed}`, as a keyboard has it"
+        return f"write a plain `{typed}`"
     if before.count("[") > before.count("]") or _COORDINATES.match(text, token.start):
         return NAME_A_POINT
     if token.text == "," and before.count("(") <= before.count(")"):
-        return "the language has no comma: write `and` where both must hold"
+        return "the language has no commas: write `and` where both must hold"
     if token.text == ",":
         return no_commas(text[max(0, before.rfind("(") - len("separation")) :])
     if not token.text and text.count("(") > text.count(")"):

@@ -1,6 +1,6 @@
 """The tree of a condition, an estimator's health or an expectation: frozen, in SI, with names that
 exist. `kybflow.dsl.expressions.parse` builds it, and `kybflow.runtime.conditions` makes functions
-of it that the runtime evaluates."""
+of it that the runtime evaluates. `describe` writes a tree as text."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from kybflow.core.geometry import Vec3
-from kybflow.core.units import Dimension
-from kybflow.dsl.diagnostics.spans import Text
+from kybflow.core.units import DURATION, LENGTH, SPEED, Dimension, format_quantity
+from kybflow.dsl.diagnostics import Text
 
 ComparisonOperator = Literal["<", "<=", ">", ">=", "==", "!="]
 Quantifier = Literal["all", "any"]
@@ -175,3 +175,82 @@ class Unparsed(NamedTuple):
 
 
 Expression = Condition | Always | Eventually | Finally | Finished
+
+
+_SMALL = {LENGTH: ("cm", 100.0), SPEED: ("cm/s", 100.0), DURATION: ("ms", 1000.0)}
+
+
+def describe(expression: Expression) -> str:
+    """Return the expression as an author would write it. The text can be parsed again."""
+    match expression:
+        case Compare(operator, left, right):
+            return f"{shown_value(left)} {operator} {shown_value(right)}"
+        case InState(vehicle, state):
+            return f"{vehicle} in {state}"
+        case GroupInState(quantifier, group, _, state):
+            return f"{quantifier} {group} in {state}"
+        case And(parts):
+            return " and ".join(_grouped(p, (Or,)) for p in parts)
+        case Or(parts):
+            return " or ".join(_grouped(p, (Or,)) for p in parts)
+        case Not(part):
+            grouped = (And, Or, Compare, InState, GroupInState)
+            return f"not {_grouped(part, grouped)}"
+    return _expectation(expression)
+
+
+def _expectation(expression: Always | Eventually | Finally | Finished) -> str:
+    match expression:
+        case Always(condition):
+            return f"always {describe(condition)}"
+        case Finally(condition):
+            return f"finally {describe(condition)}"
+        case Finished(within):
+            return f"finished within {quantity(within, DURATION)}"
+        case Eventually(condition, within):
+            limit = "" if within is None else f" within {quantity(within, DURATION)}"
+            return f"eventually {describe(condition)}{limit}"
+
+
+def quantity(value: float, dimension: Dimension) -> str:
+    """Return `value` (SI) in an easily readable unit: `5 cm`, not `0.05 m`."""
+    unit, factor = _SMALL.get(dimension, ("", 0.0))
+    if unit and 0.0 < abs(value) < 1.0:
+        return f"{value * factor:.4g} {unit}"
+    return format_quantity(value, dimension)
+
+
+def _grouped(part: Expression, loose: tuple[type, ...]) -> str:
+    text = describe(part)
+    return f"({text})" if isinstance(part, loose) else text
+
+
+def shown_value(value: Value | Aggregate) -> str:
+    """Return one side of a comparison as an author would write it."""
+    match value:
+        case Quantity(number, dimension):
+            return quantity(number, dimension)
+        case Word(text):
+            return text
+        case Read(vehicle, name):
+            return f"{vehicle}.{name}" if vehicle else name
+        case Axis(source, name):
+            return f"{source}.{name}"
+        case MissionTime():
+            return "time"
+        case Distance(a, b):
+            return f"distance({_place(a)} to {_place(b)})"
+        case Separation(vehicles):
+            return f"separation({' and '.join(vehicles)})"
+        case Aggregate(function, inner, _, state):
+            return f"{function}({shown_value(inner)}{f' in {state}' if state else ''})"
+
+
+def _place(place: Location) -> str:
+    if place.point is not None:
+        return "[" + " ".join(f"{c:.6g}" for c in place.point) + "]"
+    if place.vehicle is None:
+        return "start"
+    if place.payload:
+        return f"{place.vehicle}.payload"
+    return f"{place.vehicle}.start" if place.start else place.vehicle

@@ -1,4 +1,5 @@
-"""The boxes and edges that are drawn for the state machines of vehicles and flows, before layout.
+"""The boxes and edges that are drawn for the state machines of vehicles and flows, and their text
+for Mermaid.
 
 The mission's own transitions are drawn, and those that the language adds for the normal course; the
 failure transitions that the language adds are not. Vehicles with the same machine share a drawing.
@@ -11,17 +12,8 @@ from typing import NamedTuple
 
 from kybflow.core.units import DURATION
 from kybflow.dsl.expressions import describe
-from kybflow.dsl.expressions.describe import quantity
-from kybflow.dsl.plan import (
-    END,
-    FlowPlan,
-    PhasePlan,
-    Plan,
-    StatePlan,
-    Switch,
-    TransitionPlan,
-    VehiclePlan,
-)
+from kybflow.dsl.expressions.tree import quantity
+from kybflow.dsl.plan import END, FlowPlan, Plan, StatePlan, Switch, TransitionPlan, VehiclePlan
 
 
 class StateBox(NamedTuple):
@@ -139,8 +131,8 @@ def _reached(vehicle: VehiclePlan, askers: Requests) -> set[str]:
 
 
 def _drawn(state: StatePlan) -> list[TransitionPlan]:
-    """Return the transitions to draw: the mission's own, and the implied ones other than failures
-    and the ends of behaviors that never end."""
+    """Return the transitions to draw: the mission's own and the implied ones, except those for
+    failures and those for the end of a behavior that never ends by itself."""
     footprint = state.behavior.cls.footprint(state.behavior.params, None)
     is_endless = footprint is not None and footprint.is_endless
     return [
@@ -176,31 +168,61 @@ def cause_of(transition: TransitionPlan) -> str:
 def _flow(flow: FlowPlan, groups: Groups) -> Drawing:
     """Return the drawing of a flow: its phases, and `end` if a transition leads there."""
     labels: dict[tuple[str, str], list[str]] = {}
+    boxes: list[StateBox] = []
     for phase in flow.phases.values():
+        asked = {name: request.chain or request.state for name, request in phase.run.items()}
+        texts = [f"{names}: {state}" for names, state in _together(asked, groups)]
+        texts += [f"arrive {phase.arrive}"] if phase.arrive else []
+        texts += [f"{names} to {goal}" for names, goal in _together(phase.give, groups)]
+        boxes.append(StateBox(phase.name, " · ".join(texts) or "asks nothing", "", False))
         for transition in phase.transitions:
             labels.setdefault((phase.name, transition.target), []).append(cause_of(transition))
         if phase.ends or not phase.transitions:
             labels.setdefault((phase.name, END), []).append("done")
-    boxes = [StateBox(p.name, _phase_text(p, groups), "", False) for p in flow.phases.values()]
+
     if any(target == END for _, target in labels):
         boxes.append(StateBox(END, "the flow is over", "", True))
     edges = tuple(Edge(*ends, tuple(text), False) for ends, text in labels.items())
     return Drawing(f"flow {flow.name}", flow.begin, tuple(boxes), edges)
 
 
-def _phase_text(phase: PhasePlan, groups: Groups) -> str:
-    """Return what a phase requests, as the second line of its box."""
-    asked = {name: request.chain or request.state for name, request in phase.run.items()}
-    texts = [f"{names}: {state}" for names, state in _together(asked, groups)]
-    texts += [f"arrive {phase.arrive}"] if phase.arrive else []
-    texts += [f"{names} to {flow}" for names, flow in _together(phase.give, groups)]
-    return " · ".join(texts) or "asks nothing"
-
-
 def _together(requests_to: Mapping[str, str], groups: Groups) -> Iterator[tuple[str, str]]:
-    """Yield for each goal the names of the vehicles that share it, or the name of their group, and
-    the goal."""
+    """Yield (vehicles, goal) for each goal. vehicles: the names of the vehicles that share the
+    goal, or the name of their group."""
     for goal in dict.fromkeys(requests_to.values()):
         names = tuple(name for name, own in requests_to.items() if own == goal)
         group = next((g for g, of in groups.items() if set(of) == set(names)), None)
         yield group or ", ".join(names), goal
+
+
+def mermaid(plan: Plan) -> str:
+    """Return the state machines as one `stateDiagram-v2`, each in its own box."""
+    lines = ["---", f"title: {plan.mission}", "---", "stateDiagram-v2"]
+    for number, drawing in enumerate(drawings(plan), start=1):
+        prefix = f"m{number}"
+        ids = {box.name: f"{prefix}s{index}" for index, box in enumerate(drawing.boxes, start=1)}
+        lines += [f'  state "{drawing.title}" as {prefix} {{', f"    [*] --> {ids[drawing.begin]}"]
+        for box in drawing.boxes:
+            label = _escaped(f"{box.name}<br>{box.part}{', ' if box.flight else ''}{box.flight}")
+            lines.append(f'    state "{label}" as {ids[box.name]}')
+        for edge in drawing.edges:
+            label = "asks" if edge.is_request else _escaped("<br>".join(edge.labels))
+            lines.append(f"    {ids[edge.source]} --> {ids[edge.target]} : {label}")
+        lines.append("  }")
+        if asking := ",".join(ids[box.name] for box in drawing.boxes if box.is_asker):
+            lines += [
+                f"  classDef asks{prefix} fill: #efe9f6, stroke: #8468ad, stroke-dasharray: 2",
+                f"  class {asking} asks{prefix}",
+            ]
+        if built_in := ",".join(ids[box.name] for box in drawing.boxes if box.is_built_in):
+            lines += [
+                f"  classDef builtIn{prefix} stroke-dasharray: 4, fill: none",
+                f"  class {built_in} builtIn{prefix}",
+            ]
+    return "\n".join(lines) + "\n"
+
+
+def _escaped(text: str) -> str:
+    """Return text for a label of Mermaid, in which only our line breaks remain markup."""
+    escapes = {"#": "#35;", '"': "#quot;", "<": "#lt;", ">": "#gt;", ":": "#58;", ";": "#59;"}
+    return "<br>".join("".join(escapes.get(c, c) for c in line) for line in text.split("<br>"))

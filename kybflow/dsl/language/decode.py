@@ -10,8 +10,7 @@ from kybflow.core.errors import KybflowError
 from kybflow.core.params import TEXT, Choice, Field, ListOf, MappingOf, Numbers, RecordOf, ValueType
 from kybflow.core.text import did_you_mean, nearest
 from kybflow.core.units import is_quantity
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Findings, Span
 from kybflow.dsl.expressions.tree import Unparsed
 from kybflow.dsl.language.records import (
     CONDITION,
@@ -148,7 +147,8 @@ class Decoder:
     ) -> None:
         """Report KYB102 for a missing key of a record, or KYB108 for a missing parameter."""
         if code == "KYB102":
-            self.found.report(code, f"a {owner} needs `{field.key}`", head_of(body))
+            message = f"a {owner} needs `{field.key}`"
+            self.found.report(code, message, head_of(body), help=how_to_write(field))
         elif not nearest(field.key, [key for key in body.entries if key not in known]):
             # otherwise the misspelt key is already reported
             message = f"`{owner}` needs `{field.key}`"
@@ -202,7 +202,7 @@ class Decoder:
             spec = self.catalog.get(kind, name.text)
         except (KybflowError, ImportError) as error:
             message = f"the {kind[:-1]} `{name.text}` can't be loaded: {error}"
-            hint = "mend or update the package that offers it"
+            hint = "correct or update the package that provides it"
             self.found.report("KYB141", message, name.span, help=hint)
             return None
         params = self.parameters(spec.params, body, spec.name, name.span, beside)
@@ -345,7 +345,7 @@ def meant(
     if not known:
         return f"`{part}` has no parameters"
     if key.lower() in known and key.lower() in node.entries:
-        return f"`{key.lower()}` is written, too: remove one of them"
+        return f"remove `{key}`: `{key.lower()}` is already set"
     near = nearest(key, known) or nearest(key, beside, _SURE)
     if not near and "for" in beside:  # a fault: what it is to do could be meant as well as when
         return did_you_mean(key, {*known, *beside})

@@ -5,6 +5,7 @@ same records (ADR 22), and each becomes a finding in the words of the language."
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard
 
@@ -26,7 +27,7 @@ from kybflow.core.params import (
 )
 from kybflow.core.text import did_you_mean, nearest
 from kybflow.core.units import DIMENSIONS, article, parse_quantity
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
+from kybflow.dsl.diagnostics import Diagnostic, Findings
 from kybflow.dsl.language.records import (
     CONDITION,
     EVENT,
@@ -63,6 +64,7 @@ from kybflow.dsl.reading.nodes import (
     entries_of,
     head_of,
     is_null,
+    shown_node,
     to_json,
 )
 from kybflow.dsl.reading.values import TYPES, decode_value
@@ -81,7 +83,11 @@ CODES = {
 }
 _JSON = {str: "string", bool: "boolean", int: "number", float: "number", type(None): "null"}
 _NEVER = {("library", "kybflow"): "remove it; a library begins with `library:`"}
-_MISSING = {"kybflow": "write `kybflow: 1`", "use": "write `use: NAME`"}
+_MISSING = {
+    "kybflow": "write `kybflow: 1`",
+    "use": "write `use: NAME`",
+    "phases": "write `phases: {NAME: {...}}`",
+}
 
 
 def judge_mission(root: Node, found: Findings) -> Mapping:
@@ -296,7 +302,7 @@ def _explain_unknown(fault: SchemaViolation) -> Iterator[Diagnostic]:
         if key not in known:
             what = fault.schema["title"]
             hint = _NEVER.get((what, key)) or did_you_mean(key, known)
-            message = f"`{key}` is no key of {article(what)}"
+            message = f"`{key}` is not a key of {article(what)}"
             yield Diagnostic("KYB101", message, entry.key.span, help=hint)
 
 
@@ -309,6 +315,10 @@ def _explain_missing(fault: SchemaViolation) -> Iterator[Diagnostic]:
         if node.get(key) is not None or nearest(key, unknown):
             continue  # the misspelt key is reported already
         what, hint = fault.schema["title"], _MISSING.get(key, "")
+        known = fault.schema["properties"].get(key)
+        if not hint and isinstance(known, dict) and "description" in known:
+            about = known["description"].partition(". ")[0].removesuffix(".")
+            hint = f"write `{key}: ...`: {about[:1].lower()}{about[1:]}"
         others = [k for k in node.entries if k not in fault.schema["properties"]]
         near = [k for k in ("use", "stack") if nearest(k, others)]
         if key == "use" and near and near[0] in fault.schema["properties"]:
@@ -319,8 +329,8 @@ def _explain_missing(fault: SchemaViolation) -> Iterator[Diagnostic]:
 def _explain_version(fault: SchemaViolation) -> Iterator[Diagnostic]:
     node = fault.node
     shown = node.text if isinstance(node, Scalar) else describe(node)
-    message = f"version `{shown}` of the language is not known here"
-    yield Diagnostic("KYB111", message, node.span, help="this program reads `kybflow: 1`")
+    message = f"version `{shown}` of the mission language is not supported"
+    yield Diagnostic("KYB111", message, node.span, help="write `kybflow: 1`")
 
 
 def _explain_few(fault: SchemaViolation) -> Iterator[Diagnostic]:
@@ -328,7 +338,10 @@ def _explain_few(fault: SchemaViolation) -> Iterator[Diagnostic]:
         yield from _explain_value(fault)
         return
     is_list = fault.keyword == "minItems"
-    hint = f"name one at least, or leave out `{fault.name}`" if is_list else ""
+    examples = fault.schema.get("examples", [{"NAME": "{...}"}])
+    hint = f"write at least one entry: `{fault.name}: {_flow(examples[0])}`"
+    if is_list:
+        hint = f"name at least one, or leave out `{fault.name}`"
     yield Diagnostic("KYB106", f"`{fault.name}` is empty", fault.node.span, help=hint)
 
 
@@ -338,13 +351,23 @@ def _explain_name(fault: SchemaViolation) -> Iterator[Diagnostic]:
     most, name = fault.schema.get("maxLength"), str(fault.instance)
     if isinstance(fault.node, Mapping) and fault.keyword == "pattern":
         span = fault.node.entries[name].key.span
-        yield Diagnostic("KYB110", f"`{name}` can't be a name", span, help=NAMED)
+        hint = NAMED
+        if _WORDS.fullmatch(name):
+            hint = f"write `{re.sub('[- ]', '_', name)}`: {hint}"
+        yield Diagnostic("KYB110", f"`{name}` can't be a name", span, help=hint)
     elif most is not None:
         message = f"`{repr(name[:most])[1:-1]}` can't be the name of a {fault.name}"
-        hint = f"{NAMED.replace(', and', ',')}, and may have at most {most} characters"
-        yield Diagnostic("KYB110", message, fault.node.span, help=hint)
+        yield Diagnostic("KYB110", message, fault.node.span, help=_rule_of_names(most))
     else:
         yield from _explain_value(fault)
+
+
+_WORDS = re.compile(r"[A-Za-z]\w*([- ]\w+)+", re.ASCII)
+"""Words that would be a name if they were joined with `_`."""
+
+
+def _rule_of_names(most: int) -> str:
+    return f"{NAMED.replace(', and', ',')}, and may have at most {most} characters"
 
 
 def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
@@ -364,10 +387,9 @@ def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
         types.remove("string")
     wanted = " or ".join(dict.fromkeys(KINDS[t] for t in types)) or "another value"
     place = f"`{name}`" if name else f"{article(schema.get('title', 'file'))}"
-    shown = f" `{node.text[:60]}`" if isinstance(node, Scalar) and node.text else ""
     yield Diagnostic(
         "KYB103",
-        f"{place} must be {wanted}, but this is {describe(node)}{shown}",
+        f"{place} must be {wanted}, but this is {shown_node(node)}",
         node.span,
         help=_way_out(fault, types),
     )
@@ -388,7 +410,8 @@ def _way_out(fault: SchemaViolation, types: list[str]) -> str:
         if "array" in types and node.text.startswith("-"):
             return "a list has a space after each `-`"
         if list(dict.fromkeys(types)) == ["string"]:
-            return f'write "{node.text[:60]}" in quotes if you mean the text'
+            most, quoted = schema.get("maxLength"), f'"{node.text[:60]}" in quotes'
+            return _rule_of_names(most) if most else f"write {quoted} if you mean the text"
     if schema.get("examples") and fault.keyword == "type":
         if schema.get("title") == "parameter" and isinstance(node, Scalar) and node.text in TYPES:
             return f"write `{own}: {{type: {node.text}}}`"
@@ -400,7 +423,7 @@ def _reshaped(node: Node, types: list[str], name: str) -> str:
     """Return the hint how to write a mapping where a list is written, or a list where a mapping or
     a text is written; empty if neither applies."""
     if types == ["array"] and isinstance(node, Scalar) and node.text:
-        return "write it as a list: each on a line of its own, behind `- `"
+        return "write it as a list: each item on its own line, after `- `"
     if name and types == ["object"] and isinstance(node, Sequence):
         return f"write it in braces: `{name}: {{...}}`"
     is_mapping = name and types == ["array"] and isinstance(node, Mapping)

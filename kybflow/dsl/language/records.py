@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple, Self
 
 from kybflow.core.params import Field, ListOf, RecordOf, ValueType, fields_of, is_needed
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Span, Text
 from kybflow.dsl.reading.nodes import (
     Mapping,
     MappingEntry,

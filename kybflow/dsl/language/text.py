@@ -9,7 +9,7 @@ from typing import Any
 
 from kybflow.core.params import Field, ListOf, MappingOf, Numbers, RecordOf, ValueType, fields_of
 from kybflow.core.units import ANGLE, ANGULAR_RATE, DEG, RATIO, Dimension, parse_quantity
-from kybflow.dsl.diagnostics.spans import PREFIX, Span
+from kybflow.dsl.diagnostics import PREFIX, Span
 from kybflow.dsl.expressions.tree import Unparsed
 from kybflow.dsl.language.records import EVENT_FIELD, STATE, PartOf, Record, UsesOf
 from kybflow.dsl.language.schema import NAMES

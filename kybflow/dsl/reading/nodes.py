@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from kybflow.dsl.diagnostics.spans import Inset, Span, Text
+from kybflow.dsl.diagnostics import Inset, Span, Text
 
 _NULL = frozenset({"", "~", "null", "Null", "NULL"})
 _TRUE = frozenset({"true", "True", "TRUE"})
@@ -30,8 +30,8 @@ _TWO = re.compile(r"(distance|separation)\(\s*([\w.$]+)\s*,\s*([\w.$]+)\s*\)")
 
 
 def no_commas(text: str) -> str:
-    """Return the hint for a comma in a condition: the call in `text` without the comma, or else
-    examples."""
+    """Return the hint for a comma in a condition: the function call in `text` written without the
+    comma, or else general examples."""
     call = _TWO.search(text)
     if call is None:
         return NO_COMMAS
@@ -145,6 +145,18 @@ def describe(node: Node) -> str:
     if isinstance(value, bool):
         return "a boolean"
     return "text" if isinstance(value, str) else "a number"
+
+
+def shown_node(node: Node, most: int = 60) -> str:
+    """Return the kind of a node in words with its text or length, such as `the number `7`` or `a
+    list of 2`."""
+    kind = describe(node)
+    if isinstance(node, Sequence):
+        size = len(node.items)
+        return f"{kind} with one element" if size == 1 else f"{kind} of {size}"
+    if not isinstance(node, Scalar) or not node.text:
+        return kind
+    return f"the {kind.removeprefix('a ')} `{node.text[:most]}`"
 
 
 def is_null(node: Node) -> bool:

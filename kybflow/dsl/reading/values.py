@@ -30,6 +30,7 @@ from kybflow.core.params import (
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import (
     DIMENSIONS,
+    DURATION,
     NUMBER,
     Dimension,
     article,
@@ -37,9 +38,17 @@ from kybflow.core.units import (
     is_quantity,
     parse_quantity,
 )
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import PREFIX
-from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, Sequence, describe, items_of, to_json
+from kybflow.dsl.diagnostics import PREFIX, Findings
+from kybflow.dsl.reading.nodes import (
+    Mapping,
+    Node,
+    Scalar,
+    Sequence,
+    describe,
+    items_of,
+    shown_node,
+    to_json,
+)
 
 CODES = {
     "KYB104": "A value of another type, a quantity of another dimension or without its unit.",
@@ -76,8 +85,8 @@ TYPES = (*QUANTITIES, "position", "integer", "text", "boolean")
 
 @functools.lru_cache(maxsize=256)
 def quantity_field(name: str, dimension: Dimension, shape: str = "scalar", **bounds: Any) -> Field:
-    """Return a required field that no record declares, such as a mission's parameter: numbers of
-    `dimension`, or an integer, text or boolean."""
+    """Return a required field for a value that no record declares, such as a mission's parameter.
+    shape: that of the numbers, or `integer`, `text` or `boolean`."""
     kind = _PLAIN.get(shape) or numbers(dimension, shape)
     return Field(name=name, type=kind, required=True, key=name, **bounds)
 
@@ -117,7 +126,7 @@ def _word(node: Scalar, field: Field, found: Findings) -> Any:
     elif isinstance(kind, Choice):
         if text in kind.words:
             return text
-        message, hint = f"`{text}` is no choice for `{field.key}`", did_you_mean(text, kind.words)
+        message, hint = f"`{field.key}` can't be `{text}`", did_you_mean(text, kind.words)
         found.report("KYB109", message, node.span, notes=origin(node), help=hint)
     elif kind is BOOLEAN and text in _TRUTHS:
         return _TRUTHS[text]
@@ -141,6 +150,8 @@ def _numbers(
         is_vector = size == (3,) and field.shape != "path"
         shape = "row" if is_row else "vector" if is_vector else field.shape
         _wrong(node, field, found, shape)
+        if is_vector and _three_numbers(node):
+            return None
     inside = [item for item in items_of(node) if is_whole or isinstance(item, Scalar)]
     items = [_numbers(item, field, dimension, size[1:], found) for item in inside]
     return tuple(items) if is_whole and None not in items else None
@@ -181,7 +192,7 @@ def _text(node: Scalar, field: Field, found: Findings) -> str | None:
     """Return a text. A parameter's value is accepted as text even if it looks like a number."""
     if node.parameter or isinstance(to_json(node), str):
         return node.text
-    message = f"`{field.key}` must be text, but this is {describe(node)} `{node.text[:60]}`"
+    message = f"`{field.key}` must be text, but this is {shown_node(node)}"
     hint = f'write "{node.text[:60]}" in quotes if you mean the text'
     found.report("KYB103", message, node.span, help=hint)
     return None
@@ -196,8 +207,16 @@ def _way_inside(value: float, node: Scalar, field: Field) -> str:
     for unit, factor in sorted(dimension.units.items(), key=lambda item: -item[1]):
         if _BARE.match(bare) and factor < 1.0 and field.is_within(value * factor):
             return f"did you mean `{bare} {unit}`?"
-    fits = field.is_within(parse_quantity(dimension.example, dimension))
-    return f"write it like `{dimension.example}`" if value <= 0.0 and fits else ""
+    usual = field.default if isinstance(field.default, float) else None
+    example = _TEN_SECONDS if dimension is DURATION else dimension.example
+    if usual is not None and usual > 0.0:
+        example = format_quantity(usual, dimension)
+    fits = field.is_within(parse_quantity(example, dimension))
+    return f"write it like `{example}`" if value <= 0.0 and fits else ""
+
+
+_TEN_SECONDS = "10 s"
+"""The example of a duration that has no usual value."""
 
 
 def bounds_of(field: Field) -> str:
@@ -214,8 +233,8 @@ def _shown(value: float, dimension: Dimension | None) -> str:
 
 
 def origin(node: Scalar) -> tuple[str, ...]:
-    """Return the note with the value of the parameter that a scalar came from, unless the finding
-    is reported at that value."""
+    """Return a note with the value of the parameter that `node` stands for. Empty if there is no
+    parameter, or if the finding is reported at that value."""
     shown = node.parameter and node.span.value is None
     return (f"`${node.parameter}` is `{node.text}`",) if shown else ()
 
@@ -225,10 +244,10 @@ def _wrong(node: Node, field: Field, found: Findings, shape: str = "") -> None:
     needed = _SHAPES.get(shape) or (article(dimension.name) if dimension else "one value")
     if isinstance(field.type, Numbers) and shape in _ROWS:
         needed = _ROWS[shape].format(*field.type.size)
-    size = f" of {len(node.items)}" if isinstance(node, Sequence) else ""
-    text = f" `{node.text[:_LONGEST]}`" if isinstance(node, Scalar) else ""
-    what = "a row" if size and shape == "row" else describe(node)
-    message = f"`{field.key}` must be {needed}, but this is {what}{size}{text}"
+    this = shown_node(node, _LONGEST)
+    if shape == "row":
+        this = this.replace("a list", "a row", 1)
+    message = f"`{field.key}` must be {needed}, but this is {this}"
     hint, kind = "", field.type
     if isinstance(kind, Numbers) and not isinstance(node, Mapping):
         text = node.text if isinstance(node, Scalar) and field.shape == "matrix" else ""
@@ -250,7 +269,7 @@ _PIECE = re.compile(r"[-+]?\d+\Z", re.ASCII)
 
 
 def _three_numbers(node: Node) -> str:
-    """Return the hint for three numbers that are not a list of three items: written without commas,
+    """Return the hint for three numbers that were not written as a list of three: without commas,
     or with decimal commas. Empty for anything else."""
     alone = node.items[0] if isinstance(node, Sequence) and len(node.items) == 1 else node
     if isinstance(alone, Scalar):
@@ -339,7 +358,7 @@ def _path_of(node: Scalar, _: Field, found: Findings) -> FilePath | None:
     if "\0" not in path and os.path.isfile(path):
         return FilePath(path)
     hint = "name a file that is there, as seen from the folder of the one that names it"
-    found.report("KYB370", f"`{node.text}` is no file", node.span, help=hint)
+    found.report("KYB370", f"there is no file `{node.text}`", node.span, help=hint)
     return None
 
 
@@ -352,11 +371,11 @@ def _read(name: str, folder: Path, errors: str) -> File:
         if Path(name).is_absolute() or not path.is_relative_to(os.path.realpath(folder)):
             raise FileError(f"`{name}` is outside of the mission's folder", hint=hint)
         if not stat.S_ISREG(path.stat().st_mode):
-            raise FileError(f"`{name}` is no file", hint=hint)
+            raise FileError(f"`{name}` is not a file", hint=hint)
         with path.open("rb") as stream:
             data = stream.read(MAX_FILE_BYTES + 1)
     except FileNotFoundError:
-        raise FileError(f"`{name}` is no file", hint=hint) from None
+        raise FileError(f"there is no file `{name}`", hint=hint) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise FileError(f"`{name}` can't be read: {reason.lower()}") from None
@@ -366,7 +385,7 @@ def _read(name: str, folder: Path, errors: str) -> File:
         return File(name, hashlib.sha256(data).hexdigest(), data.decode("utf-8-sig", errors))
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        raise FileError(f"`{name}` is not UTF-8 text in line {line}") from None
+        raise FileError(f"`{name}` is not UTF-8 text on line {line}") from None
 
 
 _READERS: dict[ValueType, Callable[[Scalar, Field, Findings], Any]] = {

@@ -13,8 +13,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from kybflow.core.text import as_typed
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
 from kybflow.dsl.reading.nodes import NAME_A_POINT, MappingEntry, Scalar, is_cut, no_commas
 
 CODES = {
@@ -29,7 +28,7 @@ _OPEN = {
 _TOO_DEEP = "exceeded maximum nesting depth"
 """The parser's own nesting error; in a long line of brackets it comes before ours, because the
 parser reads ahead."""
-CLOSE = "close the brackets that were opened before"
+CLOSE = "remove brackets that are too many, or close those opened earlier"
 _DASHES = re.compile(r"(?:- +)*")
 _KEY = re.compile(r"\s*(?:- +)*([^\s:]+):\s")
 _APART = re.compile(r"- +(?=[\d.])")
@@ -139,14 +138,14 @@ def _colonless(stop: _Stop, row: int) -> Diagnostic:
     hint = missing_colon(text)
     if joined := re.match(r"(\w+:)\S", text):
         return stop.finding(f"a space is missing after `{joined[1]}`", hint, place, width)
-    message = f"a colon is missing in `{shown}`" if hint else f"`{shown}` is no `key: value`"
+    message = f"a colon is missing in `{shown}`" if hint else f"`{shown}` is not a `key: value`"
     return stop.finding(message, hint or "write `key: value`", place, width)
 
 
 def _second_colon(stop: _Stop) -> Diagnostic | None:
     """Explain a colon in the value of a key, in the same line or below it."""
     if first := _KEY.match(stop.line[: stop.column]):
-        message = f"a second colon behind `{first[1]}:`"
+        message = f"a second colon after `{first[1]}:`"
         return stop.finding(message, "put the value in quotes, or its keys in `{...}`")
     above = _above(stop.lines, stop.row)
     if above is None:
@@ -160,9 +159,9 @@ def _too_deep(stop: _Stop, above: int) -> Diagnostic:
     """Explain a line that is indented more than the one above it, which already has a value."""
     key, outer = stop.line.strip().partition(":")[0], _KEY.match(stop.lines[above])
     wanted, own = _columns(stop.lines[above])[-1], _indent(stop.line)
-    has = f"`{outer[1]}` of line {above + 1} has a value" if outer else "the line above is no key"
+    has = f"`{outer[1]}` on line {above + 1} has a value" if outer else "no key is above it"
     message = f"`{key[:_SHOWN]}` is indented too deep: {has}"
-    hint = f"indent it by {wanted}, as line {above + 1}, or that one by {own}"
+    hint = f"indent it by {wanted}, like line {above + 1}, or that line by {own}"
     return stop.finding(message, hint, (stop.row, own), len(key))
 
 
@@ -185,8 +184,8 @@ def _indentation(stop: _Stop) -> Diagnostic | None:
     if deeper is None or around is None or around[1] == indent:
         return None
     (row, inner), (first, outer) = deeper, around
-    message = f"this is indented by {indent}, but the block that began at line {row + 1} by {inner}"
-    hint = f"indent it by {inner}, or by {outer} for the block that began at line {first + 1}"
+    message = f"this is indented by {indent}, but the block that began on line {row + 1} by {inner}"
+    hint = f"indent it by {inner}, or by {outer} for the block that began on line {first + 1}"
     return stop.finding(message, hint)
 
 
@@ -194,7 +193,7 @@ def _key_in_list(stop: _Stop) -> Diagnostic | None:
     if stop.began is None or not stop.is_first:
         return None
     row, above = stop.began[0] + 1, _above(stop.lines, stop.row)
-    message = f"this is no entry of the list that began at line {row}"
+    message = f"this is not an entry of the list that began on line {row}"
     hint = "begin it with `- `"
     if above is not None:
         hint += (
@@ -208,9 +207,9 @@ def _dash_in_value(stop: _Stop) -> Diagnostic | None:
     if _APART.match(rest):
         number = re.split(r"[,\]}]", rest)[0].strip()
         hint = f"write `{_APART.sub('-', number)[:_SHOWN]}`"
-        return stop.finding("a space stands between the minus sign and its number", hint)
+        return stop.finding("there is a space between the minus sign and the number", hint)
     if stop.character == "-":
-        hint = "begin the list in the next line, or write it as `[...]`"
+        hint = "begin the list on the next line, or write it as `[...]`"
         return stop.finding("a list can't begin here", hint)
     return None
 
@@ -248,7 +247,7 @@ _CLOSES_NOTHING = _when(
 )
 _VALUE_ENDED = _when(
     lambda s: not s.is_first, "the value has ended before this",
-    "put the whole value in quotes; inside of '...' a quote is written twice",
+    "put the whole value in quotes; inside '...' a quote is written twice",
 )  # fmt: skip
 _QUOTE = _when(
     lambda s: s.began, "this quote is never closed", "close it with the same quote", at_began=True
@@ -263,10 +262,10 @@ _EXPLAINERS: dict[str, tuple[_Explainer, ...]] = {
     "did not find expected key": (
         _CLOSES_NOTHING, _VALUE_ENDED,
         _when(lambda s: s.began and s.line.lstrip().startswith("- "),
-              "a list entry inside of the mapping that begins in line {0.began_line}",
+              "this list entry is inside the mapping that begins on line {0.began_line}",
               "write `key: value`, or indent it under a key"),
         _when(lambda s: s.character == ":",
-              "no name stands before this colon", "write `key: value`"),
+              "there is no name before this colon", "write `key: value`"),
         _indentation, _deeper,
     ),
     "did not find expected '-' indicator": (
@@ -276,7 +275,7 @@ _EXPLAINERS: dict[str, tuple[_Explainer, ...]] = {
     "did not find expected node content": (
         _dash_in_value,
         _when(lambda s: s.character in {",", "]", "}"},
-              "nothing stands before this `{0.character}`", "remove it, or write a value"),
+              "there is nothing before this `{0.character}`", "remove it, or write a value"),
     ),
     "found character that cannot start any token": (
         _when(lambda s: s.character,
@@ -285,7 +284,7 @@ _EXPLAINERS: dict[str, tuple[_Explainer, ...]] = {
     "found unexpected end of stream": (_QUOTE,),
     "found unexpected document indicator": (_QUOTE,),
     "found unknown escape character": (
-        _when(lambda s: s.escape, "`{0.escape}` is no escape of YAML",
+        _when(lambda s: s.escape, "`{0.escape}` is not an escape of YAML",
               "put a text with a backslash in single quotes"),
     ),
     "did not find expected <document start>": (_left_of_the_first,),
@@ -430,7 +429,7 @@ def _without_value(key: Scalar, found: Findings) -> None:
     elif hint := missing_colon(key.text):
         found.report("KYB014", f"a colon is missing in `{shown}`", key.span, help=hint)
     else:
-        hint = f"write `{shown}: VALUE`; a list stands in `[...]`, a text with braces in quotes"
+        hint = f"write `{shown}: VALUE`; put a list in `[...]`, a text with braces in quotes"
         found.report("KYB014", f"the key `{shown}` has no value", key.span, help=hint)
 
 

@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 from kybflow.core.params import RESERVED, fields_of
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Findings, Span
 from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import END, ChainPlan
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, entries_of
@@ -104,13 +103,18 @@ class Chains:
             for parameter, declared in entries_of(chain.get("parameters")).items():
                 span, other = declared.key.span, exports.parameters.names.get(parameter)
                 if other is not None:
-                    message = f"`{parameter}` is a parameter of the file and of a chain in it"
-                    _report_both(message, span, other, found)
+                    whose = f"both for the file and for the chain `{name}`"
+                    message = f"the parameter `{parameter}` is declared {whose}"
+                    notes = (f"the file's is at {other.at}",)
+                    found.report("KYB159", message, span, notes=notes, help="rename one of them")
                 elif parameter in RESERVED:
                     message = f"a parameter of a chain can't be called `{parameter}`"
-                    hint = "a use of the chain has this key already: rename the parameter"
+                    hint = (
+                        f"the key `{parameter}` has a meaning where a chain is used: rename the "
+                        "parameter"
+                    )
                     found.report("KYB159", message, span, help=hint)
-                if parameter not in named:
+                elif parameter not in named:
                     unused_parameter(parameter, span, found)
             if (exports, name) not in self._seen:
                 do = entry.key._replace(text=f"chain.{name}")
@@ -130,8 +134,13 @@ class Chains:
                 several = self._used(use)
             for inner, state in several:
                 if inner in states:
-                    message = f"`{inner}` is a behavior of the vehicle and of a chain"
-                    _report_both(message, states[inner].key.span, state.key.span, self._found)
+                    own, other = states[inner].key.span, state.key.span
+                    if own.used:
+                        own, other = other, own
+                    message = f"`{inner}` is declared twice: by a chain and by the vehicle"
+                    notes = (f"the chain's is at {other.at}",)
+                    hint = "rename the vehicle's behavior"
+                    self._found.report("KYB159", message, own, notes=notes, help=hint)
                 else:
                     states[inner] = state
         return Mapping(states, written.span)
@@ -202,11 +211,13 @@ class Chains:
             if other.exports is use.exports and other.do.text == use.do.text:
                 names = " uses ".join(f"`{u.do.text}`" for u in (*use.around, use))
                 message = f"{names[:200]}: this never ends"
-                self._found.report("KYB160", message, use.do.span)
+                hint = "remove one of these uses"
+                self._found.report("KYB160", message, use.do.span, help=hint)
                 return True
         if self._uses == MAX_USES:
-            message = f"more than {MAX_USES} uses of chains, counted along every way"
-            self._found.report("KYB160", message, use.do.span)
+            message = f"chains are used more than {MAX_USES} times, counting uses inside chains"
+            hint = "let fewer chains use others"
+            self._found.report("KYB160", message, use.do.span, help=hint)
         return self._uses >= MAX_USES
 
     def _state(self, body: Mapping, use: ChainExpansion, behaviors: Collection[str]) -> Mapping:
@@ -254,9 +265,3 @@ class Chains:
         message = f"the chain has no behavior `{name.text}`"
         hint = did_you_mean(name.text, [*behaviors, END])
         self._found.report("KYB158", message, name.span._replace(used=()), help=hint)
-
-
-def _report_both(message: str, first: Span, second: Span, found: Findings) -> None:
-    """Report a name that is used twice, at both locations (KYB159)."""
-    for span, other in ((first, second), (second, first)):
-        found.report("KYB159", message, span, notes=(f"the other is at {other.at}",))

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Findings, Span
 from kybflow.dsl.language.records import EMPTY
 from kybflow.dsl.plan import LISTS
 from kybflow.dsl.reading.nodes import (
@@ -122,7 +121,7 @@ class Exports:
             brought = entries_of(base.get(removed))
             if is_null(entry.value) and inner not in brought:
                 message = f"there is no {removed[:-1]} `{inner}` to remove"
-                hint = did_you_mean(inner, brought) or "leave it away"
+                hint = did_you_mean(inner, brought) or "leave it out"
                 self._found.warn("KYB129", message, entry.key.span, help=hint)
         airframe = plain.entries.get("airframe")
         if section == "vehicles" and airframe and whole.get("airframe") is not None:
@@ -152,7 +151,8 @@ class Exports:
         if key in self._open or len(self._open) > _CHAIN:
             verb = "has" if section == "stacks" else "is like"
             chain = f" {verb} ".join(f"`{n}`" for _, n in (*self._open, key))
-            self._found.report("KYB125", f"{chain[:200]}: this never ends", name.span)
+            message, hint = f"{chain[:200]}: this never ends", "remove one of these uses"
+            self._found.report("KYB125", message, name.span, help=hint)
             return None
         library, _, inner = name.text.rpartition(".")
         exports = self._imports.get(library) if library else self
@@ -209,7 +209,7 @@ class Exports:
         if inner in exports.written("chains"):
             return exports, inner
         known = [f"chain.{own}" for own in self.names("chains")]
-        hint = did_you_mean(name.text, known) or "no chain is at hand"
+        hint = did_you_mean(name.text, known) or "no chain is defined"
         message = f"no chain is called `{name.text.removeprefix('chain.')}`"
         self._found.report("KYB124", message, name.span, help=hint)
         return None

@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from kybflow.dsl.diagnostics.diagnostic import Findings, has_errors
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Findings, Span, has_errors
 from kybflow.dsl.language.records import EMPTY
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, entries_of
 from kybflow.dsl.reading.reader import ParsedFile
@@ -60,14 +59,17 @@ class Files:
         self._imports += 1
         if self._imports > MAX_IMPORTS:
             if self._imports == MAX_IMPORTS + 1:
-                message = f"more than {MAX_IMPORTS} imports, counted along every way"
-                found.report("KYB127", message, at)
+                message = f"more than {MAX_IMPORTS} imports, counting those of imported files"
+                found.report("KYB127", message, at, help="import fewer files that import others")
             return False
         if real not in self.open and len(self.open) <= _CHAIN:
             return True
-        message = f"`{target.file}` is imported while it is being imported"
-        notes = (f"first reached at {self.open.get(real, at).at}",)
-        found.report("KYB122", message, at, notes=notes)
+        message = f"circular import: `{target.file}` leads back to itself"
+        hint = "remove one of these imports, or move what both files need to a third one"
+        if real not in self.open:
+            message, hint = f"more than {_CHAIN} files import each other", "import it directly"
+        notes = (f"first imported at {self.open.get(real, at).at}",)
+        found.report("KYB122", message, at, notes=notes, help=hint)
         return False
 
 
@@ -163,6 +165,6 @@ def library_root(library: LibraryFile, at: Span, found: Findings) -> Mapping | N
         return None
     if isinstance(root, Mapping) and "library" in root.entries:
         return root
-    message = f"`{library.source.file}` is no library"
+    message = f"`{library.source.file}` is not a library"
     found.report("KYB123", message, at, help="a library begins with `library: NAME`")
     return None

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import kybflow
 from kybflow.core.text import nearest
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Findings
+from kybflow.dsl.diagnostics import Diagnostic, Findings
 from kybflow.dsl.language.judge import judge_file
 from kybflow.dsl.plan import Library
 from kybflow.dsl.reading.nodes import Mapping, Scalar
@@ -50,7 +50,8 @@ def find(text: Scalar, importer: LibraryPath, root: Path, found: Findings) -> Li
         notes = ("looked beside the importing file and in the installed libraries",)
         near = nearest(text.text, _at_hand(importer, text.text))
         hint = f"did you mean `{near}`?" if near else _STANDARD
-        found.report("KYB120", f"`{text.text}` is no file", text.span, notes=notes, help=hint)
+        message = f"there is no file `{text.text}`"
+        found.report("KYB120", message, text.span, notes=notes, help=hint)
     return place
 
 

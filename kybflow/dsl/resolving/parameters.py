@@ -13,10 +13,8 @@ from typing import Any, NamedTuple
 from kybflow.core.params import TEXT, Field
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import LENGTH, NUMBER, RATIO
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import PREFIX, SET, Inset, Span
+from kybflow.dsl.diagnostics import PREFIX, SET, Findings, Inset, Span
 from kybflow.dsl.plan import Parameter
-from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import (
     NAME,
     Mapping,
@@ -26,6 +24,7 @@ from kybflow.dsl.reading.nodes import (
     Sequence,
     entries_of,
 )
+from kybflow.dsl.reading.reader import compose
 from kybflow.dsl.reading.values import (
     QUANTITIES,
     TYPES,
@@ -85,13 +84,16 @@ def parse_settings(sets: Iterable[str], found: Findings) -> dict[str, Setting]:
         before, equals, value = text.partition("=")
         name, span = before.strip(), Span(SET, line, 1, line, len(text) + 1)
         if not equals or not NAME.match(name) or not value.strip() or "\n" in text:
-            hint = "write `--set name=value`"
-            found.report("KYB135", f"`{text}` is not a setting", span, help=hint)
+            is_lacking = NAME.match(name) is not None and not value.strip()
+            hint = f"write `--set {name}=VALUE`" if is_lacking else "write `--set NAME=VALUE`"
+            message = f"`--set {name}` has no value" if is_lacking else f"can't read `--set {text}`"
+            found.report("KYB135", message, span, help=hint)
             continue
         own = Findings()
         node = compose(value, SET, own)
         if node is None or own.all or isinstance(node, Mapping):
-            found.report("KYB135", f"`{value}` is no value of a parameter", span)
+            message = f"`{value}` can't be the value of a parameter"
+            found.report("KYB135", message, span, help="write one value, or a list in `[...]`")
             continue
         place = span._replace(end_column=len(before) + 1)
         if name in settings:
@@ -156,7 +158,9 @@ def _declare(
     assert isinstance(kind, Scalar)
     if kind.text not in TYPES:
         hint = did_you_mean(kind.text, TYPES)
-        found.report("KYB134", f"`{kind.text}` is no type of a parameter", kind.span, help=hint)
+        found.report(
+            "KYB134", f"a parameter can't have the type `{kind.text}`", kind.span, help=hint
+        )
         return None
     field = _field(name, kind.text, body, found)
     low = max((b for b in (field.above, field.at_least) if b is not None), default=-inf)

@@ -6,8 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping as MappingOf
 from typing import NamedTuple
 
-from kybflow.dsl.diagnostics.diagnostic import Findings
-from kybflow.dsl.diagnostics.spans import PREFIX, Span
+from kybflow.dsl.diagnostics import PREFIX, Findings, Span
 from kybflow.dsl.language.records import EMPTY
 from kybflow.dsl.plan import Parameter
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, count, entries_of
@@ -127,7 +126,12 @@ def _left(room: int, whole: Mapping, entry: MappingEntry, found: Findings) -> in
     `whole`; report KYB126 if nothing is left."""
     left = room - count(whole, room)
     if left <= 0:
-        message = f"more than {MAX_AFTER_LIKE} values, with everything that `like` copies"
-        hint = "put a long path into a file and fly it with `do: follow_trajectory`"
+        message = (
+            f"the mission has more than {MAX_AFTER_LIKE} values, with everything that `like` copies"
+        )
+        hint = (
+            "don't copy long lists with `like`: put a long path into a file and fly it with "
+            "`do: follow_trajectory`"
+        )
         found.report("KYB126", message, entry.key.span, help=hint)
     return left

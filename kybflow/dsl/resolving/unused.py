@@ -6,8 +6,7 @@ import re
 from collections.abc import Iterator
 from collections.abc import Mapping as MappingOf
 
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
-from kybflow.dsl.diagnostics.spans import PREFIX
+from kybflow.dsl.diagnostics import PREFIX, Diagnostic, Severity
 from kybflow.dsl.reading.nodes import (
     Mapping,
     MappingEntry,
@@ -29,7 +28,7 @@ CODES = {
 _WORD = re.compile(r"\w+")
 _POINT = re.compile(re.escape(PREFIX) + r"(\w+|\$)")
 _WAYS = {
-    "groups": "name it where a vehicle is asked for",
+    "groups": "name it where a vehicle is expected",
     "stacks": "use it as `- stack: {}`",
     "chains": "use it as `do: chain.{}`",
 }

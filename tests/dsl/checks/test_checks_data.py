@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
 from plans import NANO, plan, state
 
 from kybflow.core.signals import Battery, CommandKind, Pose, SetpointKind
@@ -84,42 +85,39 @@ def messages(found: Any) -> list[str]:
     return [f"{d.code} {d.message}: {d.label}" for d in found]
 
 
-def test_a_chain_that_connects() -> None:
-    assert messages(chains_that_do_not_connect(case(behavior(POSITION)))) == []
+INTEGRATE = use("integrate", accepts={VELOCITY: POSITION}, safety=False)
+LIMIT = use("limit", accepts={POSITION: POSITION}, safety=True)
+REFUSED = "can't take the velocity setpoints of `go` (fly): takes `position`"
+COMMANDS = "KYB301 `bench` can't take the attitude_thrust commands of"
 
 
-def test_a_tracker_that_cannot_take_the_setpoints() -> None:
-    expected = [
-        "KYB301 `cascade` can't take the velocity setpoints of `go` (fly): takes `position`"
-    ]
-    assert expected == messages(chains_that_do_not_connect(case(behavior(VELOCITY))))
-
-
-def test_a_processor_may_turn_one_kind_into_another() -> None:
-    integrate = use("integrate", accepts={VELOCITY: POSITION}, safety=False)
-    flown = case(behavior(VELOCITY), processors=(integrate,))
-    assert messages(chains_that_do_not_connect(flown)) == []
-
-
-def test_a_processor_that_cannot_take_the_setpoints() -> None:
-    limit = use("limit", accepts={POSITION: POSITION}, safety=True)
-    flown = case(behavior(VELOCITY), processors=(limit,))
-    expected = ["KYB301 `limit` can't take the velocity setpoints of `go` (fly): takes `position`"]
-    assert expected == messages(chains_that_do_not_connect(flown))
-
-
-def test_only_safety_processors_apply_in_take_off() -> None:
-    integrate = use("integrate", accepts={VELOCITY: POSITION}, safety=False)
-    flown = case(behavior(POSITION, GROUND >> AIR), processors=(integrate,))
-    assert messages(chains_that_do_not_connect(flown)) == []
-
-
-def test_a_driver_that_cannot_take_the_commands() -> None:
-    flown = case(behavior(ATTITUDE), driver=driver(accepts=frozenset()))
-    assert messages(chains_that_do_not_connect(flown)) == [
-        "KYB301 `bench` can't take the attitude_thrust commands of `cascade`: takes nothing",
-        "KYB301 `bench` can't take the attitude_thrust commands of `go` (fly): takes nothing",
-    ]
+@pytest.mark.parametrize(
+    ("flown", "expected"),
+    [
+        pytest.param(case(behavior(POSITION)), [], id="it connects"),
+        pytest.param(case(behavior(VELOCITY)), [f"KYB301 `cascade` {REFUSED}"], id="tracker"),
+        pytest.param(
+            case(behavior(VELOCITY), processors=(INTEGRATE,)), [], id="a processor turns the kind"
+        ),
+        pytest.param(
+            case(behavior(VELOCITY), processors=(LIMIT,)),
+            [f"KYB301 `limit` {REFUSED}"],
+            id="processor",
+        ),
+        pytest.param(
+            case(behavior(POSITION, GROUND >> AIR), processors=(INTEGRATE,)),
+            [],
+            id="only safety processors apply in a take-off",
+        ),
+        pytest.param(
+            case(behavior(ATTITUDE), driver=driver(accepts=frozenset())),
+            [f"{COMMANDS} `cascade`: takes nothing", f"{COMMANDS} `go` (fly): takes nothing"],
+            id="driver",
+        ),
+    ],
+)
+def test_a_part_takes_what_the_one_before_it_gives(flown: Case, expected: list[str]) -> None:
+    assert messages(chains_that_do_not_connect(flown)) == expected
 
 
 def test_a_tracker_may_give_several_kinds_and_one_that_fits_is_named() -> None:

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from hardware_catalog import HardwareCatalog
-from toolchain import compiled
+from toolchain import compiled, result_of
 
 from kybflow.drivers.sim import Sim
-from kybflow.dsl.compiler import check_mission
 
 MISSION = """\
 kybflow: 1
@@ -35,9 +34,8 @@ class Bench(Sim):
 
 
 def checked(tmp_path: Path, target: str) -> list[str]:
-    path = tmp_path / "two.yaml"
-    path.write_text(MISSION, encoding="utf-8")
-    result = check_mission(path, catalog=HardwareCatalog(Bench), target=target)
+    catalog = HardwareCatalog(Bench)
+    result = result_of(tmp_path / "two.yaml", MISSION, catalog=catalog, target=target)
     return [f"{d.span.line} {d.code} {d.message}: {d.label}" for d in result.diagnostics]
 
 
@@ -60,11 +58,10 @@ class Firmware(Bench):
 
 
 def test_on_a_firmwares_simulator_our_side_can_be_broken_and_the_vehicle_not(tmp_path) -> None:
-    path = tmp_path / "two.yaml"
     ours = ["mocap_dropout", "link_cut"]
-    lines = "".join(f"  - {{at: 2 s, on: a, inject: {name}}}\n" for name in ours)
-    path.write_text(MISSION + lines, encoding="utf-8")
-    result = check_mission(path, catalog=HardwareCatalog(Firmware), target="lab")
+    text = MISSION + "".join(f"  - {{at: 2 s, on: a, inject: {name}}}\n" for name in ours)
+    catalog = HardwareCatalog(Firmware)
+    result = result_of(tmp_path / "two.yaml", text, catalog=catalog, target="lab")
     found = [(d.span.line, d.code, d.label) for d in result.diagnostics]
     why = (
         "`a` flies on `bench`, which is another program's simulator: only what kybflow receives"
@@ -86,8 +83,7 @@ def test_the_plan_has_every_fault_in_si(tmp_path) -> None:
 
 def test_the_resolved_mission_has_every_fault_and_reads_back(tmp_path) -> None:
     plan = compiled(tmp_path / "two.yaml", MISSION, catalog=HardwareCatalog(Bench))
-    (tmp_path / "again.yaml").write_text(plan.resolved, encoding="utf-8")
-    again = compiled(tmp_path / "again.yaml", catalog=HardwareCatalog(Bench))
+    again = compiled(tmp_path / "again.yaml", plan.resolved, catalog=HardwareCatalog(Bench))
     assert [replace(f, at="", part=replace(f.part, at="")) for f in again.faults] == [
         replace(f, at="", part=replace(f.part, at="")) for f in plan.faults
     ]

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 from hardware_catalog import HardwareCatalog
-from toolchain import compiled
+from toolchain import compiled, result_of
 
 from kybflow.drivers.sim import Sim
-from kybflow.dsl.compiler import compile_mission
 from kybflow.world.vehicle_context import Parcel
 
 MISSION = """
@@ -39,13 +38,12 @@ class Bench(Sim):
     ("target", "found"),
     [
         ("sim", []),
-        ("lab", ["KYB396 `release_payload` needs a servo, but `bench` controls none"]),
+        ("lab", ["KYB396 `release_payload` needs a servo, but the driver `bench` has none"]),
     ],
 )
 def test_a_driver_without_a_servo_refuses_the_release(tmp_path: Path, target, found) -> None:
-    path = tmp_path / "m.yaml"
-    path.write_text(MISSION)
-    result = compile_mission(path, catalog=HardwareCatalog(Bench), target=target)
+    catalog = HardwareCatalog(Bench)
+    result = result_of(tmp_path / "m.yaml", MISSION, catalog=catalog, target=target)
     assert [f"{d.code} {d.message}" for d in result.diagnostics] == found
 
 

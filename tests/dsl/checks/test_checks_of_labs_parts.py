@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from short_flights import NoParams
+from toolchain import result_of
 
-from kybflow.dsl.compiler import check_mission
 from kybflow.parts import Fault, Supervisor
 from kybflow.parts.catalog import Catalog, PartSpec, load_catalog
 
@@ -71,6 +71,4 @@ class Lab(Catalog):
 
 
 def test_nothing_is_said_of_them(tmp_path: Path) -> None:
-    mission = tmp_path / "labs.yaml"
-    mission.write_text(MISSION)
-    assert check_mission(mission, catalog=Lab()).diagnostics == ()
+    assert result_of(tmp_path / "labs.yaml", MISSION, catalog=Lab()).diagnostics == ()

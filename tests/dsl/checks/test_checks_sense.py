@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from toolchain import result_of
 
-from kybflow.dsl.compiler import check_mission
-from kybflow.parts.catalog import load_catalog
 from kybflow.runtime.faults.gust import Gust, GustParams
 from kybflow.runtime.faults.imu_bias_step import ImuBiasStep, ImuBiasStepParams
 from kybflow.runtime.faults.mass_change import MassChange, MassChangeParams
@@ -90,9 +89,7 @@ def only_warns(way: str) -> tuple[str, str]:
 )
 def test_nothing_is_said(change: tuple[str, str], tmp_path: Path) -> None:
     assert change[0] in MISSION
-    path = tmp_path / "mission.yaml"
-    path.write_text(MISSION.replace(*change), encoding="utf-8")
-    found = check_mission(path, catalog=load_catalog()).diagnostics
+    found = result_of(tmp_path / "mission.yaml", MISSION.replace(*change)).diagnostics
     assert [(d.code, d.message) for d in found if d.code != UNUSED] == []
 
 

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from toolchain import invoke
+from toolchain import invoke, result_of
 
-from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.diagnostics.diagnostic import Severity
-from kybflow.parts.catalog import load_catalog
+from kybflow.dsl.diagnostics import Severity
 
 MISSION = """kybflow: 1
 mission: free
@@ -22,8 +20,7 @@ vehicles:
 
 def test_the_warning_is_told_once_and_keeps_nothing_on_the_ground(tmp_path: Path) -> None:
     mission = tmp_path / "free.yaml"
-    mission.write_text(MISSION)
-    result = compile_mission(mission, catalog=load_catalog())
+    result = result_of(mission, MISSION)
     [warning] = result.diagnostics
     assert (warning.code, warning.severity, warning.span.line) == ("KYB322", Severity.WARNING, 6)
     assert warning.notes == ("the same is true of `b`",)
@@ -32,6 +29,5 @@ def test_the_warning_is_told_once_and_keeps_nothing_on_the_ground(tmp_path: Path
 
 
 def test_what_never_flies_needs_no_fence(tmp_path: Path) -> None:
-    mission = tmp_path / "free.yaml"
-    mission.write_text("".join(line + "\n" for line in MISSION.splitlines()[:5]))
-    assert compile_mission(mission, catalog=load_catalog()).diagnostics == ()
+    text = "".join(MISSION.splitlines(keepends=True)[:5])
+    assert result_of(tmp_path / "free.yaml", text).diagnostics == ()

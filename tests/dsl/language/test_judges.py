@@ -12,12 +12,12 @@ import pytest
 from jsonschema import Draft202012Validator
 from toolchain import ROOT
 
-from kybflow.dsl.diagnostics.diagnostic import Findings
+from kybflow.dsl.diagnostics import Findings
 from kybflow.dsl.language.judge import has_shape, is_library
 from kybflow.dsl.language.schema import record_schema
 from kybflow.dsl.plan import Library, Plan
-from kybflow.dsl.reading.composer import compose
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, to_json
+from kybflow.dsl.reading.reader import compose
 
 FILES = sorted((ROOT / "missions").glob("**/*.yaml"))
 KINDS = {kind: Draft202012Validator(record_schema(kind)) for kind in (Plan, Library)}

@@ -9,7 +9,7 @@ import pytest
 from plans import part
 
 from kybflow.core.signals import NS, Battery, Event
-from kybflow.dsl.diagnostics.spans import Span, Text
+from kybflow.dsl.diagnostics import Span, Text
 from kybflow.dsl.expressions import Scope, parse
 from kybflow.dsl.plan import FaultPlan, PartPlan
 from kybflow.parts import ActiveFaults, Effect, Fault

@@ -1,11 +1,13 @@
-"""How a finding is shown."""
+"""How findings are collected and shown, and when they end a compilation."""
 
 from __future__ import annotations
 
+import re
+
+import pytest
+
 from kybflow.cli.output import coloured
-from kybflow.dsl.diagnostics.diagnostic import Diagnostic
-from kybflow.dsl.diagnostics.render import render, to_json
-from kybflow.dsl.diagnostics.spans import Span
+from kybflow.dsl.diagnostics import Diagnostic, Findings, Severity, Span, Stopped, render, to_json
 
 
 def finding(line: int, start: int, end: int, message: str = "wrong") -> Diagnostic:
@@ -49,7 +51,28 @@ def test_nothing_in_a_file_can_command_the_terminal() -> None:
 
 
 def test_colour_changes_nothing_but_colour() -> None:
-    import re
-
     plain = render(finding(2, 3, 5), {"m.yaml": "one\na: bc d\n"})
     assert re.sub(r"\x1b\[[0-9;]*m", "", coloured(plain)) == plain
+
+
+HERE = Span("m.yaml", 1, 1, 1, 2)
+ERROR = Diagnostic("KYB101", "an error", HERE, help="mend it")
+WARNING = Diagnostic("KYB112", "a warning", HERE, severity=Severity.WARNING)
+
+
+def test_what_is_reported_is_kept_in_order() -> None:
+    found = Findings()
+    found.warn("KYB112", "a warning", HERE)
+    found.report("KYB101", "an error", HERE, help="mend it")
+    found.add(WARNING)
+    found.add([ERROR, WARNING])
+    assert found.all == [WARNING, ERROR, WARNING, ERROR, WARNING]
+
+
+def test_errors_stop_a_compilation_and_warnings_do_not() -> None:
+    found = Findings()
+    found.add(WARNING)
+    found.stop_if_errors()
+    found.add(ERROR)
+    with pytest.raises(Stopped):
+        found.stop_if_errors()
