@@ -9,8 +9,7 @@ import pytest
 from short_flights import named
 from toolchain import compiled, flight_of, result_of
 
-from kybflow.api.rehearsal.arrivals import StraightWay, arrival
-from kybflow.api.rehearsal.findings import Arrival
+from kybflow.api.rehearsal.findings import Arrival, StraightWay, arrival
 from kybflow.api.rehearsal.rehearse import Rehearsal, rehearse
 from kybflow.cli.printing.mission import show_mission
 from kybflow.core.signals import NS

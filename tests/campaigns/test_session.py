@@ -146,9 +146,7 @@ def orphaned(case: FlightCase) -> FlightResult:
     [
         ("killed", "the process that flew it died (SIGKILL)"),
         pytest.param(
-            "raised",
-            "kybflow failed: ZeroDivisionError: of all things",
-            marks=pytest.mark.thorough,
+            "raised", "kybflow failed: ZeroDivisionError: of all things", marks=pytest.mark.thorough
         ),
     ],
 )

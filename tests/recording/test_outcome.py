@@ -145,12 +145,7 @@ def test_a_vehicle_that_rests_in_fault_fails_the_mission():
 
 
 def test_every_outcome_has_its_exit_code():
-    assert EXIT_CODES == {
-        "succeeded": 0,
-        "failed": 1,
-        "driver_failed": 3,
-        "interrupted": 130,
-    }
+    assert EXIT_CODES == {"succeeded": 0, "failed": 1, "driver_failed": 3, "interrupted": 130}
     assert INVALID == 2
 
 
