@@ -63,11 +63,14 @@ class LivePanel:
             self._draw()
 
     def _draw(self, refresh: bool = True) -> None:
-        engine = self._engine
-        if engine is None:
-            return
-        self._drawn = time.monotonic()
-        seconds, wall = engine.seconds(), self._drawn - self._began
+        if self._engine is not None:
+            self._drawn = time.monotonic()
+            drawing = self.drawing(self._engine, self._drawn - self._began)
+            self._live.update(drawing, refresh=refresh)
+
+    def drawing(self, engine: Engine, wall: float) -> Group:
+        """Return the table, keys and events, `wall` seconds after the beginning."""
+        seconds = engine.seconds()
         table = Table(title=f"{engine.plan.mission}   {seconds:.1f} s   {seconds / wall:.1f} x")
         several = len(engine.vehicles) > 1
         headings = ("vehicle", "behavior", "estimator", "battery", "position error", "height")
@@ -85,7 +88,7 @@ class LivePanel:
                 keys = keys_drawn(person.offers, person.message, self._console.width, room)
         cut = (Text(line, no_wrap=True, overflow="ellipsis") for line in below)
         events = (Text(line, no_wrap=True, overflow="ellipsis") for line in self._events)
-        self._live.update(Group(table, *cut, *keys, *events), refresh=refresh)
+        return Group(table, *cut, *keys, *events)
 
 
 def _row(vehicle: Vehicle, engine: Engine) -> list[str]:

@@ -175,7 +175,7 @@ def test_the_table_shows_the_keys_and_the_answer(run) -> None:
         for width, height in SIZES:
             file = StringIO()
             console = Console(file=file, width=width, height=height)
-            console.print(LivePanel(console, person.commander)._drawing(engine, 1.0))
+            console.print(LivePanel(console, person.commander).drawing(engine, 1.0))
             shown[width, height].append(file.getvalue())
 
     events_of(
