@@ -113,15 +113,9 @@ def fly_case(case: FlightCase) -> FlightResult:
         broken = [e for e in flown.summary["expectations"] if not e["held"]]
         reasons = [headline(str(flown.summary["reason"]))]
         reasons += [f"{e['at']}: `{e['text']}` did not hold" for e in broken]
-    return FlightResult(
-        case,
-        verdict,
-        tuple(reasons),
-        time.monotonic() - began,
-        folder,
-        tuple(coverage_items(result.plan)),
-        frozenset(traces.taken),
-    )
+    seconds, items = time.monotonic() - began, tuple(coverage_items(result.plan))
+    taken = frozenset(traces.taken)
+    return FlightResult(case, verdict, tuple(reasons), seconds, folder, items, taken)
 
 
 _CAUSES = {"done": "then", "refused": "failed"}

@@ -99,12 +99,8 @@ def test_only_pause_and_land_act_without_enter(run) -> None:
         (8.0, lambda engine: person.press(engine, "resume", "enter")),
         (9.0, lambda engine: person.press(engine, "stop", "enter")),
     )
-    assert [command for _, command in given(told)] == [
-        "emit operator.go",
-        "pause",
-        "resume",
-        "stop",
-    ]
+    commands = [command for _, command in given(told)]
+    assert commands == ["emit operator.go", "pause", "resume", "stop"]
     assert path(told, "a") == ["idle", "up", "hold", "auto_land", "landed"]
 
 
