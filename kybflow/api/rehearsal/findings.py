@@ -103,7 +103,7 @@ def _warning_if(condition: bool) -> Severity:
 
 
 def collided(own: Doing, other: Doing, arrival: Arrival | None = None) -> Diagnostic:
-    """KYB470: two vehicles are nearer to each other than an arm of each: they collide."""
+    """KYB470: two vehicles collide: their distance is less than the sum of their arms."""
     said = f"`{own.vehicle}` and `{other.vehicle}` collide {own.when}"
     way = arrival.hint if arrival else "let one of them wait for the other"
     hint = f"{way}, or keep their ways apart"
@@ -220,8 +220,8 @@ def common_place(own: Doing, other: Doing, *, rests: bool) -> Diagnostic:
 def too_close(
     own: Doing, other: Doing, gap: float, needed: float, arrival: Arrival | None
 ) -> Diagnostic:
-    """KYB480: two vehicles fly so close to each other that the discs of their rotors meet, unless
-    they are turned well."""
+    """KYB480: two vehicles fly so close to each other that the discs of their rotors can overlap,
+    depending on the headings."""
     near = format_quantity(round(gap, 2), LENGTH)
     said = f"`{own.vehicle}` and `{other.vehicle}` come within {near} of each other {own.when}"
     label = f"their rotors need {format_quantity(round(needed, 2), LENGTH)}"
