@@ -40,6 +40,14 @@ def flown_score() -> Score:
     return score
 
 
+def figures(mean, rms, most):
+    return {"mean": mean, "rms": rms, "max": most}
+
+
+def entered(name, part, start, end, ended):
+    return {"name": name, "part": part, "start_s": start, "end_s": end, "ended": ended}
+
+
 def test_the_summary_has_the_documented_shape():
     summary = summarise(
         make_plan("mk"), flown_score(), [HELD], Ending(), seed=7, sim_time_s=41.2, wall_time_s=0.8
@@ -59,35 +67,23 @@ def test_the_summary_has_the_documented_shape():
             "mk": {
                 "final": "ground",
                 "airborne_s": [[0.75, 3.5], [4.25, None]],
-                "position_error_m": {"mean": 0.0233333, "rms": 0.0288675, "max": 0.04},
-                "velocity_error_m_s": {"mean": 0.2, "rms": 0.223607, "max": 0.3},
+                "position_error_m": figures(0.0233333, 0.0288675, 0.04),
+                "velocity_error_m_s": figures(0.2, 0.223607, 0.3),
                 "behaviors": [
                     {
-                        "name": "up",
-                        "part": "take_off",
-                        "start_s": 0.5,
-                        "end_s": 3.125,
-                        "ended": "done",
-                        "position_error_m": {"mean": 0.035, "rms": 0.0353553, "max": 0.04},
-                        "velocity_error_m_s": {"mean": 0.3, "rms": 0.3, "max": 0.3},
+                        **entered("up", "take_off", 0.5, 3.125, "done"),
+                        "position_error_m": figures(0.035, 0.0353553, 0.04),
+                        "velocity_error_m_s": figures(0.3, 0.3, 0.3),
                     },
                     {
-                        "name": "wait",
-                        "part": "hover",
-                        "start_s": 3.125,
-                        "end_s": 4.0,
-                        "ended": "next",
+                        **entered("wait", "hover", 3.125, 4.0, "next"),
                         "position_error_m": None,
                         "velocity_error_m_s": None,
                     },
                     {
-                        "name": "up",
-                        "part": "take_off",
-                        "start_s": 4.0,
-                        "end_s": None,
-                        "ended": None,
-                        "position_error_m": {"mean": 0.0, "rms": 0.0, "max": 0.0},
-                        "velocity_error_m_s": {"mean": 0.1, "rms": 0.1, "max": 0.1},
+                        **entered("up", "take_off", 4.0, None, None),
+                        "position_error_m": figures(0.0, 0.0, 0.0),
+                        "velocity_error_m_s": figures(0.1, 0.1, 0.1),
                     },
                 ],
                 "estimators": [{"name": "mocap", "start_s": 0.0}],
