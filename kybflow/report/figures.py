@@ -95,8 +95,7 @@ def least_separation(run: Run) -> float | None:
 
 
 def _between(a: Track, b: Track) -> Array:
-    """Return the distance between two vehicles at the times of the first, m; NaN where one doesn't
-    fly."""
+    """Return the distance of two vehicles at the times of `a`, m; NaN where one doesn't fly."""
     here, there = _aloft(a), _at(b, a.time)
     gap: Array = norm(here - there)
     return gap
