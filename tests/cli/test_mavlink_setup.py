@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 from typer import BadParameter
@@ -205,29 +205,21 @@ def test_one_of_several_is_chosen_by_its_system() -> None:
 
 
 @pytest.mark.parametrize(
-    ("table", "write", "error", "said"),
+    ("peers", "system", "error", "said"),
     [
-        (lambda: Table(Peer(1), Peer(2)), False, BadParameter, "there are systems 1, 2"),
-        (
-            lambda: Table(Peer(1, ARDUPILOT, VISO_TYPE=0)),
-            True,
-            BadParameter,
-            "system 1 is no px4: ardupilot, GUIDED, disarmed",
-        ),
-        (Table, False, DriverError, "nothing is heard at udpin:127.0.0.1:14540; does the"),
-        (
-            lambda: Table(Peer(1), system=3),
-            False,
-            DriverError,
-            "system 3 is not heard at .*, but 1",
-        ),
+        ([(1, PX4), (2, PX4)], None, BadParameter, "there are systems 1, 2"),
+        ([(1, ARDUPILOT)], None, BadParameter, "system 1 is no px4: ardupilot, GUIDED, disarmed"),
+        ([], None, DriverError, "nothing is heard at udpin:127.0.0.1:14540; does the"),
+        ([(1, PX4)], 3, DriverError, "system 3 is not heard at .*, but 1"),
     ],
 )
 def test_whoever_else_is_there_is_named_and_not_touched(
-    table: Callable[[], Table], write: bool, error: type[Exception], said: str
+    peers: list[tuple[int, int]], system: int | None, error: type[Exception], said: str
 ) -> None:
+    there = [Peer(number, autopilot, VISO_TYPE=0) for number, autopilot in peers]
     with pytest.raises(error, match=said):
-        table().set_up(write=write)
+        Table(*there, system=system).set_up(write=True)
+    assert all(peer.writes == [] for peer in there)
 
 
 def test_one_that_falls_silent_is_told() -> None:

@@ -44,14 +44,21 @@ def figures(mean, rms, most):
     return {"mean": mean, "rms": rms, "max": most}
 
 
-def entered(name, part, start, end, ended):
-    return {"name": name, "part": part, "start_s": start, "end_s": end, "ended": ended}
+def behavior(name, part, start, end, ended, position=None, velocity=None):
+    visit = {"name": name, "part": part, "start_s": start, "end_s": end, "ended": ended}
+    return {**visit, "position_error_m": position, "velocity_error_m_s": velocity}
 
 
 def test_the_summary_has_the_documented_shape():
     summary = summarise(
         make_plan("mk"), flown_score(), [HELD], Ending(), seed=7, sim_time_s=41.2, wall_time_s=0.8
     )
+    up, up_again = figures(0.035, 0.0353553, 0.04), figures(0.0, 0.0, 0.0)
+    behaviors = [
+        behavior("up", "take_off", 0.5, 3.125, "done", up, figures(0.3, 0.3, 0.3)),
+        behavior("wait", "hover", 3.125, 4.0, "next"),
+        behavior("up", "take_off", 4.0, None, None, up_again, figures(0.1, 0.1, 0.1)),
+    ]
     assert summary == {
         "kybflow": 1,
         "mission": "figure_eight",
@@ -69,23 +76,7 @@ def test_the_summary_has_the_documented_shape():
                 "airborne_s": [[0.75, 3.5], [4.25, None]],
                 "position_error_m": figures(0.0233333, 0.0288675, 0.04),
                 "velocity_error_m_s": figures(0.2, 0.223607, 0.3),
-                "behaviors": [
-                    {
-                        **entered("up", "take_off", 0.5, 3.125, "done"),
-                        "position_error_m": figures(0.035, 0.0353553, 0.04),
-                        "velocity_error_m_s": figures(0.3, 0.3, 0.3),
-                    },
-                    {
-                        **entered("wait", "hover", 3.125, 4.0, "next"),
-                        "position_error_m": None,
-                        "velocity_error_m_s": None,
-                    },
-                    {
-                        **entered("up", "take_off", 4.0, None, None),
-                        "position_error_m": figures(0.0, 0.0, 0.0),
-                        "velocity_error_m_s": figures(0.1, 0.1, 0.1),
-                    },
-                ],
+                "behaviors": behaviors,
                 "estimators": [{"name": "mocap", "start_s": 0.0}],
                 "min_battery": 0.93,
                 "foreign_commands": [],
