@@ -83,9 +83,9 @@ class LivePanel:
         if (person := self.commander) is not None:
             person.update(engine.commander.situation(engine.clock.now, flying=engine.flying))
             if person.offers:
-                lines = _FRAME + len(engine.vehicles) + len(below) + _LEAST_EVENTS
-                room = self._console.height - lines
-                keys = keys_drawn(person.offers, person.message, self._console.width, room)
+                width, height = self._console.size
+                room = height - _FRAME - len(engine.vehicles) - len(below) - _LEAST_EVENTS
+                keys = keys_drawn(person.offers, person.message, width, room)
         cut = (Text(line, no_wrap=True, overflow="ellipsis") for line in below)
         events = (Text(line, no_wrap=True, overflow="ellipsis") for line in self._events)
         return Group(table, *cut, *keys, *events)
@@ -116,13 +116,9 @@ def _row(vehicle: Vehicle, engine: Engine) -> list[str]:
 
 def _below(engine: Engine) -> Iterator[str]:
     """Yield a line with the phases of active flows, and one with what vehicles wait for."""
-    running = (engine.flows.running(flow.name) for flow in engine.plan.flows)
-    phases = [
-        f"{one.plan.name} {one.phase.name} {(engine.clock.now - one.entered) / NS:.0f} s"
-        for one in running
-        if one.active
-    ]
-    if phases:
+    running = [engine.flows.running(flow.name) for flow in engine.plan.flows]
+    active = [(one, (engine.clock.now - one.entered) / NS) for one in running if one.active]
+    if phases := [f"{one.plan.name} {one.phase.name} {t:.0f} s" for one, t in active]:
         yield f"phases     {'   '.join(phases)}"
     free = [vehicle for vehicle in engine.vehicles if vehicle.runner.hold is None]
     waits = ((vehicle.runner.behavior.waits_for, vehicle.name) for vehicle in free)
