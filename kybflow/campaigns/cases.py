@@ -197,7 +197,7 @@ class Coverage(NamedTuple):
 
 
 def covered(items: Iterable[CoverageItem], taken: Iterable[CoverageItem]) -> Coverage:
-    """Return how much of `items` is `taken`. States in `taken` have no mission line."""
+    """Return how many of the `items` are `taken`. States in `taken` have no mission line."""
     everything, known = tuple(items), set(taken)
     missed = tuple(
         one

@@ -157,7 +157,7 @@ class RunFolder:
         self._events.write(line.encode())
 
     def input(self, name: str, now: Time, reading: InputReading | None, why: str) -> None:
-        """Append to an input's table a reading, or the reason `why` there is none. Never raises."""
+        """Append a reading to an input's table, or the reason `why` there is none. Never raises."""
         row = InputRow(now, {}, lost=why) if reading is None else InputRow(now, *reading[1:3])
         if name in self._inputs:
             file, axes = self._inputs[name]

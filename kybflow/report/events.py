@@ -149,8 +149,8 @@ _ENDS = {"fault_ended": FAULT, "clamp_ended": CLAMP, "resumed": HOLD, "failsafe_
 
 
 def _lasting(events: list[dict[str, Any]], vehicle: str, end: float) -> Iterator[Interval]:
-    """Yield faults, clamps, and the holds by pauses and brakes. A hold also ends when the behavior
-    that it interrupts ends."""
+    """Yield the faults, the clamps, and the holds, which pauses and brakes cause. A hold also ends
+    when the behavior ends that it interrupts."""
     running: dict[tuple[str, str, str], list[float]] = {}
     for event in events:
         name, time, fields = event["event"], event["t_s"], event["fields"]

@@ -33,9 +33,9 @@ _LONGER, _MORE_TIME = "takes longer", "give it more time, or see what it waits f
 class Doing(NamedTuple):
     """What a vehicle was doing when a problem was found.
 
-    state, part: its behavior and the behavior's part. span: the mission line of the state. seconds:
-    the time in the rehearsal. place: its position, m. waits_for: what it waits for, in words; may
-    be empty.
+    state: the name of its state. part: the name of the state's behavior. span: the mission line of
+    the state. seconds: the time in the rehearsal. place: the vehicle's position, m. waits_for: what
+    the behavior waits for, in words; may be empty.
     """
 
     vehicle: str
@@ -326,8 +326,8 @@ def arrival(
 
 
 def _in_turns(first: StraightWay, second: StraightWay) -> float:
-    """Return the least distance between two vehicles, metres, if the second one starts only when
-    the first one has arrived."""
+    """Return the least distance between two vehicles, metres, if `second` starts only after `first`
+    has arrived."""
     assert first.end is not None
     assert second.end is not None
     ahead = least_distance(sub(first.begin, second.begin), sub(first.end, second.begin))
