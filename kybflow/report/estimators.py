@@ -136,8 +136,7 @@ def _heading(q: Array) -> Array:
 def _present(rows: NDArray[Any], name: str) -> Array:
     """Return a field of the rows, not-a-number where there is no estimate."""
     values, present = rows[name], rows["present"]
-    known: Array = np.where(present if values.ndim == 1 else present[:, None], values, np.nan)
-    return known
+    return np.where(present if values.ndim == 1 else present[:, None], values, np.nan)
 
 
 def norm(vectors: Array) -> Array:

@@ -97,30 +97,26 @@ def least_separation(run: Run) -> float | None:
 def _between(a: Track, b: Track) -> Array:
     """Return the distance of two vehicles at the times of `a`, m; NaN where one doesn't fly."""
     here, there = _aloft(a), _at(b, a.time)
-    gap: Array = norm(here - there)
-    return gap
+    return norm(here - there)
 
 
 def _to_nearest(a: Track, tracks: list[Track]) -> Array:
     gaps = np.array([_between(a, b) for b in tracks if b is not a])
     known = np.where(np.isnan(gaps), np.inf, gaps).min(axis=0)
-    nearest: Array = np.where(np.isinf(known), np.nan, known)
-    return nearest
+    return np.where(np.isinf(known), np.nan, known)
 
 
 def _aloft(track: Track) -> Array:
     """Return a vehicle's positions (n, 3), NaN where it doesn't fly."""
     flies = ~np.isnan(track.position_error)
-    place: Array = np.where(flies[:, None], track.position, np.nan)
-    return place
+    return np.where(flies[:, None], track.position, np.nan)
 
 
 def _at(track: Track, times: Array) -> Array:
     """Return a vehicle's positions at these times, NaN where it doesn't fly."""
     places = _aloft(track)
     index = np.clip(np.searchsorted(track.time, times), 0, len(track.time) - 1)
-    found: Array = places[index]
-    return found
+    return places[index]
 
 
 def _from_above(run: Run) -> plot.Figure:
