@@ -142,8 +142,11 @@ class RunFolder:
 
     @property
     def failed(self) -> str | None:
-        files = (self._events, *(file for file, _ in self._inputs.values()))
-        return next((file.failed for file in files if file.failed), self._unwritten)
+        return next((file.failed for file in self._files if file.failed), self._unwritten)
+
+    @property
+    def _files(self) -> tuple[GrowingFile, ...]:
+        return (self._events, *(file for file, _ in self._inputs.values()))
 
     @property
     def log(self) -> Path:
@@ -165,8 +168,7 @@ class RunFolder:
 
     def check(self) -> None:
         """Check that the growing files still hold what was written."""
-        self._events.check()
-        for file, _ in self._inputs.values():
+        for file in self._files:
             file.check()
 
     def describe(self, plan: Plan, request: Mapping[str, Any], started: datetime) -> None:
@@ -207,8 +209,7 @@ class RunFolder:
 
     def close(self) -> None:
         """Close the growing files; may be called again."""
-        self._events.close()
-        for file, _ in self._inputs.values():
+        for file in self._files:
             file.close()
 
 
