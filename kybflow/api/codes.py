@@ -23,7 +23,6 @@ from __future__ import annotations
 import functools
 import importlib
 import inspect
-import pkgutil
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -31,8 +30,6 @@ from types import ModuleType
 from typing import NamedTuple
 
 import kybflow
-import kybflow.api.rehearsal
-import kybflow.dsl
 
 _BLOCK = re.compile(
     r"^```(yaml|python|report|diff)(?: ([^\n]*))?\n(.*?)^```$", re.MULTILINE | re.DOTALL
@@ -179,10 +176,12 @@ class Code(NamedTuple):
 def codes() -> dict[str, Code]:
     """Return every code that the compiler or a rehearsal can give, in order."""
     texts: dict[str, str] = {}
-    for package in (kybflow.dsl, kybflow.api.rehearsal):
-        for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-            for code, text in _explained(importlib.import_module(info.name)):
-                texts[code] = max(texts.get(code, ""), text, key=len)
+    home = Path(kybflow.__file__).parent
+    files = (path for part in ("api", "dsl") for path in sorted((home / part).rglob("*.py")))
+    for path in (path for path in files if _CODE.search(path.read_text(encoding="utf-8"))):
+        name = ".".join(("kybflow", *path.relative_to(home).with_suffix("").parts))
+        for code, text in _explained(importlib.import_module(name.removesuffix(".__init__"))):
+            texts[code] = max(texts.get(code, ""), text, key=len)
     shown: dict[str, list[Section]] = {}
     for section in sections():
         for code in section.codes:

@@ -16,18 +16,7 @@ from kybflow.api.opening import Devices, PlanEntryJudge, assemble, clock_for, op
 from kybflow.core.errors import DriverError, PartFailed, described
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Event, Time
-from kybflow.dsl.expressions import (
-    And,
-    Compare,
-    Eventually,
-    Expression,
-    Finally,
-    GroupInState,
-    InState,
-    Or,
-    Read,
-    Word,
-)
+from kybflow.dsl import expressions as ex
 from kybflow.dsl.plan import ExpectationPlan, Plan
 from kybflow.parts.events import CommandsFailed, RecordingStopped, RehearsalSkipped, RunEnded
 from kybflow.recording.outcome import EXIT_CODES, Ending, summarise
@@ -354,16 +343,16 @@ def expected_faults(expectations: Iterable[ExpectationPlan]) -> frozenset[str]:
     return frozenset(name for plan in expectations for name in _expected(plan.expression))
 
 
-def _expected(expression: Expression) -> Iterator[str]:
+def _expected(expression: ex.Expression) -> Iterator[str]:
     match expression:
-        case Finally(condition) | Eventually(condition, _):
+        case ex.Finally(condition) | ex.Eventually(condition, _):
             yield from _expected(condition)
-        case And(parts) | Or(parts):
+        case ex.And(parts) | ex.Or(parts):
             for part in parts:
                 yield from _expected(part)
-        case InState(vehicle, state) if state == FAULT:
+        case ex.InState(vehicle, state) if state == FAULT:
             yield vehicle
-        case GroupInState(_, _, vehicles, state) if state == FAULT:
+        case ex.GroupInState(_, _, vehicles, state) if state == FAULT:
             yield from vehicles
-        case Compare("==", Read(str(vehicle), "behavior"), Word(state)) if state == FAULT:
+        case ex.Compare("==", ex.Read(str(vehicle), "behavior"), ex.Word(state)) if state == FAULT:
             yield vehicle

@@ -28,7 +28,8 @@ OWN = "kybflow"
 
 @dataclass(frozen=True, slots=True)
 class Shipped:
-    """A YAML file that missions can import or copy. name: the name by which they refer to it."""
+    """A YAML file that missions can import or copy. name: the name by which missions refer to the
+    file."""
 
     name: str
     source: ParsedFile
@@ -91,8 +92,8 @@ def read_file(name: str, path: Path) -> Shipped:
 
 
 class Import(NamedTuple):
-    """One import of a file. name: its name in the file. written: the library as the file names it.
-    library: that library, None if it doesn't exist."""
+    """One import of a file. name: the name of the import in the file. written: the library as the
+    file names it. library: the imported library, None if it doesn't exist."""
 
     name: str
     written: str

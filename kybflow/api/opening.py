@@ -188,25 +188,14 @@ def _links(devices: Devices) -> dict[str, Link]:
 
 def context_of(plan: Plan, vehicle: VehiclePlan) -> VehicleContext:
     """Return the facts about a vehicle and its surroundings that its parts may use."""
+    sizes = {other.name: other.airframe.diameter for other in plan.vehicles}
+    starts = {other.name: other.start for other in plan.vehicles}
+    inner = vehicle.driver.cls.inner_loop(vehicle.driver.params, vehicle.airframe)
     return VehicleContext(
-        vehicle.name,
-        vehicle.airframe,
-        vehicle.start,
-        vehicle.heading,
-        plan.fence,
-        1.0 / plan.control_rate,
-        vehicle.home,
-        plan.obstacles,
-        {other.name: other.airframe.diameter for other in plan.vehicles},
-        plan.tags,
-        vehicle.cameras,
-        vehicle.payload,
-        vehicle.driver.cls.inner_loop(vehicle.driver.params, vehicle.airframe),
-        {other.name: other.start for other in plan.vehicles},
-        plan.groups,
-        plan.touchable,
-        plan.moving,
-    )
+        vehicle.name, vehicle.airframe, vehicle.start, vehicle.heading, plan.fence,
+        1.0 / plan.control_rate, vehicle.home, plan.obstacles, sizes, plan.tags, vehicle.cameras,
+        vehicle.payload, inner, starts, plan.groups, plan.touchable, plan.moving,
+    )  # fmt: skip
 
 
 def assemble(

@@ -43,11 +43,7 @@ def input_named(plan: Plan, name: str | None) -> InputPlan:
 
 
 def record_input(
-    plan: InputPlan,
-    out: Path,
-    seconds: float | None,
-    shown: Shown,
-    clock: Clock | None = None,
+    plan: InputPlan, out: Path, seconds: float | None, shown: Shown, clock: Clock | None = None
 ) -> int:
     """Record an input into the table `out` and return the number of rows. Recording ends after
     `seconds` or with a KeyboardInterrupt. Raises DriverError if the device can't be opened,

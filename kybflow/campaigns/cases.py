@@ -112,15 +112,9 @@ def fly_case(case: FlightCase) -> FlightResult:
         broken = [e for e in flown.summary["expectations"] if not e["held"]]
         reasons = [headline(str(flown.summary["reason"]))]
         reasons += [f"{e['at']}: `{e['text']}` did not hold" for e in broken]
-    return FlightResult(
-        case,
-        verdict,
-        tuple(reasons),
-        time.monotonic() - began,
-        folder,
-        tuple(coverage_items(result.plan)),
-        frozenset(traces.taken),
-    )
+    seconds, items = time.monotonic() - began, tuple(coverage_items(result.plan))
+    taken = frozenset(traces.taken)
+    return FlightResult(case, verdict, tuple(reasons), seconds, folder, items, taken)
 
 
 _CAUSES = {"done": "then", "refused": "failed"}
@@ -202,7 +196,7 @@ class Coverage(NamedTuple):
 
 
 def covered(items: Iterable[CoverageItem], taken: Iterable[CoverageItem]) -> Coverage:
-    """Return how much of `items` is `taken`. States in `taken` have no mission line."""
+    """Return how many of the `items` are `taken`. States in `taken` have no mission line."""
     everything, known = tuple(items), set(taken)
     missed = tuple(
         one

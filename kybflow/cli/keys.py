@@ -23,18 +23,8 @@ from typing import NamedTuple
 from kybflow.core.terminal import Terminal
 from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import Emit, EnterPhase, Stop, Switch
+from kybflow.runtime.commanding import orders
 from kybflow.runtime.commanding.command_queue import CommandQueue
-from kybflow.runtime.commanding.orders import (
-    COMMANDS,
-    PREFIX,
-    Answer,
-    LandOrder,
-    Order,
-    PauseOrder,
-    ResetOrder,
-    ResumeOrder,
-    text,
-)
 from kybflow.runtime.commanding.situation import Situation
 
 ENTER, ESCAPE = "enter", "escape"
@@ -76,14 +66,14 @@ class PressedKeys:
             keys.append(key)
 
 
-FIXED: dict[str, Order] = {
-    "p": PauseOrder(),
-    "l": LandOrder(),
-    "r": ResumeOrder(),
-    "x": ResetOrder(),
+FIXED: dict[str, orders.Order] = {
+    "p": orders.PauseOrder(),
+    "l": orders.LandOrder(),
+    "r": orders.ResumeOrder(),
+    "x": orders.ResetOrder(),
     "s": Stop(""),
 }
-AT_ONCE = (PauseOrder, LandOrder)
+AT_ONCE = (orders.PauseOrder, orders.LandOrder)
 """The orders that are sent at once; all others wait for Enter."""
 KEYS = tuple(key for key in string.digits[1:] + string.ascii_letters if key not in FIXED)
 _OF_ANY_VEHICLE = frozenset({"hover", "auto_home"})
@@ -96,7 +86,7 @@ class Offer(NamedTuple):
 
     group: str
     name: str
-    order: Order
+    order: orders.Order
     key: str = ""
 
 
@@ -106,8 +96,8 @@ class OfferedKeys:
 
     def __init__(self, rest: float = 10.0) -> None:
         self._rest = rest
-        self._keys: dict[Order, str] = {}
-        self._legal: dict[Order, float] = {}
+        self._keys: dict[orders.Order, str] = {}
+        self._legal: dict[orders.Order, float] = {}
 
     def assign(self, situation: Situation, now: float) -> tuple[Offer, ...]:
         """Return the commands that are legal at time `now` (s), with their keys."""
@@ -128,7 +118,7 @@ class OfferedKeys:
             found.append(offer._replace(key=self._keys.get(offer.order, "")))
         return tuple(found)
 
-    def _last_legal(self, order: Order) -> float:
+    def _last_legal(self, order: orders.Order) -> float:
         return self._legal.get(order, -inf)
 
 
@@ -142,15 +132,15 @@ def _fixed(situation: Situation) -> Iterator[Offer]:
         "s": True,
     }
     for key, order in FIXED.items():
-        name = text(order)
-        if legal[key] or situation.emit.get(f"{PREFIX}{name}", False):
+        name = orders.text(order)
+        if legal[key] or situation.emit.get(f"{orders.PREFIX}{name}", False):
             yield Offer("", name, order, key)
 
 
 def _known(situation: Situation) -> Iterator[tuple[Offer, bool]]:
     """Yield every possible command except the fixed ones, and whether it is legal now."""
     for name, waits in situation.emit.items():
-        if name not in COMMANDS:
+        if name not in orders.COMMANDS:
             yield Offer("events", name, Emit(name)), waits
     for vehicle in situation.vehicles:
         states: dict[str, bool] = {}  # a chain counts as one state
@@ -190,7 +180,7 @@ class TerminalCommander:
         self._pressed, self._offered = PressedKeys(), OfferedKeys()
         self._commands: CommandQueue | None = None
         self._holder: str | None = None
-        self._chosen: tuple[Order, bool] | None = None
+        self._chosen: tuple[orders.Order, bool] | None = None
         self._message = KeyMessage("", "")
         self._until = 0.0
 
@@ -242,18 +232,18 @@ class TerminalCommander:
         else:
             take = self._holder not in (None, BY)
             takes = f" and takes the lease from {self._holder}" if take else ""
-            self._show(f"{text(offer.order)}? Enter gives it{takes}, Esc cancels", "asked")
+            self._show(f"{orders.text(offer.order)}? Enter gives it{takes}, Esc cancels", "asked")
             self._chosen = offer.order, take
 
-    def _give(self, order: Order, take: bool = False) -> None:
-        def answered(answer: Answer) -> None:
+    def _give(self, order: orders.Order, take: bool = False) -> None:
+        def answered(answer: orders.Answer) -> None:
             kind = "accepted" if answer.accepted else "refused"
             link = ", but " if answer.accepted else ": "
             reason = f"{link}{answer.reason}" if answer.reason else ""
-            self._show(f"{text(order)}: {kind}{reason}", kind)
+            self._show(f"{orders.text(order)}: {kind}{reason}", kind)
 
         if self._commands is not None:
-            self._show(f"{text(order)} ...", "asked")
+            self._show(f"{orders.text(order)} ...", "asked")
             self._commands.ask(order, BY, answered, take=take)
 
     def _show(self, words: str, kind: str) -> None:

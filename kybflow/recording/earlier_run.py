@@ -39,22 +39,20 @@ def read_earlier_run(folder: Path) -> EarlierRun:
         asked = json.loads((folder / PROVENANCE).read_text(encoding="utf-8"))
         events = [json.loads(line) for line in whole_lines(folder / EVENTS)]
         given = [(e["t_s"], e["fields"]) for e in events if e["event"] == "command_given"]
+        commands = tuple(
+            RecordedCommand(
+                round(of.get("heard_s", t) * NS), of["command"], of["by"], of.get("take", False)
+            )
+            for t, of in given
+            if of["by"] != SCHEDULE
+        )
         return EarlierRun(
             target=asked["target"],
             seed=asked["seed"],
             sets=tuple(asked["set"]),
             options=tuple(asked["option"]),
             emits=tuple(asked["emit"]),
-            commands=tuple(
-                RecordedCommand(
-                    round(fields.get("heard_s", seconds) * NS),
-                    fields["command"],
-                    fields["by"],
-                    fields.get("take", False),
-                )
-                for seconds, fields in given
-                if fields["by"] != SCHEDULE
-            ),
+            commands=commands,
             inputs=dict(_tables(folder / INPUTS)),
         )
     except OSError as error:

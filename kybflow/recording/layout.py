@@ -54,9 +54,7 @@ EVENT_SCHEMA = {
     "type": "object",
     "properties": {
         "t_s": {"type": "number"},
-        "event": {"type": "string"},
-        "vehicle": {"type": "string"},
-        "at": {"type": "string"},
+        **{key: {"type": "string"} for key in ("event", "vehicle", "at")},
         "fields": {"type": "object"},
     },
 }
@@ -77,22 +75,14 @@ OBSTACLES_SCHEMA = {
 _KINDS = ", ".join(f"{number} {kind.value}" for kind, number in SETPOINT_KINDS.items())
 _COMMANDS = ", ".join(f"{number} {kind.value}" for kind, number in COMMAND_KINDS.items())
 
+_XYZ = (("float64", "x", ""), ("float64", "y", ""), ("float64", "z", ""))
+_XYZ_32 = (("float32", "x", ""), ("float32", "y", ""), ("float32", "z", ""))
 # Each message: (type, name, comment) of its fields. Frames and units: `kybflow.core.signals`.
 _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
-    "Vector": (("float64", "x", ""), ("float64", "y", ""), ("float64", "z", "")),
-    "Vector32": (("float32", "x", ""), ("float32", "y", ""), ("float32", "z", "")),
-    "Quaternion": (
-        ("float64", "w", "body to world"),
-        ("float64", "x", ""),
-        ("float64", "y", ""),
-        ("float64", "z", ""),
-    ),
-    "Quaternion32": (
-        ("float32", "w", "body to world"),
-        ("float32", "x", ""),
-        ("float32", "y", ""),
-        ("float32", "z", ""),
-    ),
+    "Vector": _XYZ,
+    "Vector32": _XYZ_32,
+    "Quaternion": (("float64", "w", "body to world"), *_XYZ),
+    "Quaternion32": (("float32", "w", "body to world"), *_XYZ_32),
     "Estimate": (
         ("bool", "present", "false: no estimator had an estimate, and the rest is zero"),
         ("Vector", "position", "m, world (ENU)"),

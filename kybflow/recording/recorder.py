@@ -153,7 +153,7 @@ class Recorder:
 
 
 class VehicleChannel(VehicleObserver):
-    """Records one vehicle. every: its estimators are recorded in every `every`-th tick."""
+    """Records one vehicle. every: the estimators are recorded once in this number of ticks."""
 
     def __init__(self, name: str, every: int, context: Context) -> None:
         self._every, self._ticks = every, 0

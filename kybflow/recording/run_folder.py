@@ -142,8 +142,11 @@ class RunFolder:
 
     @property
     def failed(self) -> str | None:
-        files = (self._events, *(file for file, _ in self._inputs.values()))
-        return next((file.failed for file in files if file.failed), self._unwritten)
+        return next((file.failed for file in self._files if file.failed), self._unwritten)
+
+    @property
+    def _files(self) -> tuple[GrowingFile, ...]:
+        return (self._events, *(file for file, _ in self._inputs.values()))
 
     @property
     def log(self) -> Path:
@@ -157,7 +160,7 @@ class RunFolder:
         self._events.write(line.encode())
 
     def input(self, name: str, now: Time, reading: InputReading | None, why: str) -> None:
-        """Append to an input's table a reading, or the reason `why` there is none. Never raises."""
+        """Append a reading to an input's table, or the reason `why` there is none. Never raises."""
         row = InputRow(now, {}, lost=why) if reading is None else InputRow(now, *reading[1:3])
         if name in self._inputs:
             file, axes = self._inputs[name]
@@ -165,8 +168,7 @@ class RunFolder:
 
     def check(self) -> None:
         """Check that the growing files still hold what was written."""
-        self._events.check()
-        for file, _ in self._inputs.values():
+        for file in self._files:
             file.check()
 
     def describe(self, plan: Plan, request: Mapping[str, Any], started: datetime) -> None:
@@ -207,8 +209,7 @@ class RunFolder:
 
     def close(self) -> None:
         """Close the growing files; may be called again."""
-        self._events.close()
-        for file, _ in self._inputs.values():
+        for file in self._files:
             file.close()
 
 

@@ -354,13 +354,11 @@ def _state(ticks: NDArray[Any], name: str) -> Array:
     """Return the truth if it is known, otherwise the estimate, per tick."""
     truth, estimate = ticks["truth"], ticks["estimate"]
     estimated = np.where(estimate["present"][:, None], estimate[name], np.nan)
-    known: Array = np.where(truth["present"][:, None], truth[name], estimated)
-    return known
+    return np.where(truth["present"][:, None], truth[name], estimated)
 
 
 def _field(setpoints: NDArray[Any], name: str, mark: int) -> Array:
-    value: Array = np.where((setpoints["present"] & mark)[:, None] > 0, setpoints[name], np.nan)
-    return value
+    return np.where((setpoints["present"] & mark)[:, None] > 0, setpoints[name], np.nan)
 
 
 def _to_target(

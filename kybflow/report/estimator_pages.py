@@ -76,21 +76,14 @@ class EstimatorPage:
 
 def estimator_pages(run: Run) -> list[EstimatorPage]:
     """Return a page for each recorded estimator."""
-    named = [track for track in run.estimators if track.name]
-    return [
-        EstimatorPage(
-            track,
-            (
-                error_figure(run, track, f"estimator_{n}"),
-                attitude_figure(run, track, f"estimator_{n}"),
-                age_figure(run, track, f"estimator_{n}"),
-            ),
-            tuple(
-                p for p in run.pictures if (p.vehicle, p.estimator) == (track.vehicle, track.name)
-            ),
-        )
-        for n, track in enumerate(named)
-    ]
+    pages: list[EstimatorPage] = []
+    for track in (track for track in run.estimators if track.name):
+        draws = (error_figure, attitude_figure, age_figure)
+        figures = tuple(draw(run, track, f"estimator_{len(pages)}") for draw in draws)
+        own = (track.vehicle, track.name)
+        pictures = tuple(p for p in run.pictures if (p.vehicle, p.estimator) == own)
+        pages.append(EstimatorPage(track, figures, pictures))
+    return pages
 
 
 def statistics(run: Run) -> Iterator[tuple[EstimatorTrack, EstimatorStatistics]]:

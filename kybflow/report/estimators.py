@@ -110,18 +110,10 @@ def _track(
     own, theirs = _present(rows, "attitude"), reference.attitude
     yaw: Array = (_heading(own) - _heading(theirs) + np.pi) % (2.0 * np.pi) - np.pi
     turn: Array = 2.0 * np.arccos(np.abs((own * theirs).sum(axis=1)).clip(0.0, 1.0))
+    error = _present(rows, "position") - reference.position
+    age, spread = _present(rows, "age"), _present(rows, "spread")
     return EstimatorTrack(
-        vehicle,
-        name,
-        stamps / NS,
-        _present(rows, "position") - reference.position,
-        yaw,
-        turn,
-        _present(rows, "age"),
-        _present(rows, "spread"),
-        usable,
-        used,
-        blended,
+        vehicle, name, stamps / NS, error, yaw, turn, age, spread, usable, used, blended
     )
 
 
@@ -134,8 +126,7 @@ def _heading(q: Array) -> Array:
 def _present(rows: NDArray[Any], name: str) -> Array:
     """Return a field of the rows, not-a-number where there is no estimate."""
     values, present = rows[name], rows["present"]
-    known: Array = np.where(present if values.ndim == 1 else present[:, None], values, np.nan)
-    return known
+    return np.where(present if values.ndim == 1 else present[:, None], values, np.nan)
 
 
 def norm(vectors: Array) -> Array:

@@ -116,9 +116,8 @@ def faults_and_holds(run: Run) -> list[Interval]:
     found: list[Interval] = []
     for track in run.tracks:
         own = [event for event in run.events if event["vehicle"] == track.name]
-        found += [
-            *_faults(own, run.end), *_holds(own, run.end), *_clamps(own, track.name, run.end)
-        ]  # fmt: skip
+        lasting = _lasting(own, track.name, run.end)
+        found += sorted(lasting, key=lambda i: (FAULT, HOLD, CLAMP).index(i.kind))
     return found
 
 
@@ -140,53 +139,41 @@ def shaded(run: Run) -> list[Interval]:
     return sorted([*faults_and_holds(run), *besides], key=lambda i: order.index(i.kind))
 
 
-def _faults(events: list[dict[str, Any]], end: float) -> Iterator[Interval]:
-    running: dict[tuple[str, str], list[float]] = {}
-    for event in events:
-        vehicle, fault = event["vehicle"], event["fields"].get("fault", "")
-        key = (fault, event["at"])
-        if event["event"] == "fault_injected":
-            running.setdefault(key, []).append(event["t_s"])
-        elif event["event"] == "fault_ended" and running.get(key):
-            yield Interval(FAULT, vehicle, fault, running[key].pop(0), event["t_s"])
-    for (fault, _), starts in running.items():
-        yield from (Interval(FAULT, events[0]["vehicle"], fault, start, end) for start in starts)
+_BEGINS = {
+    "fault_injected": FAULT,
+    "clamp_started": CLAMP,
+    "paused": HOLD,
+    "failsafe_started": HOLD,
+}
+_ENDS = {"fault_ended": FAULT, "clamp_ended": CLAMP, "resumed": HOLD, "failsafe_ended": HOLD}
 
 
-def _clamps(events: list[dict[str, Any]], vehicle: str, end: float) -> Iterator[Interval]:
-    running: dict[str, float] = {}
-    for event in events:
-        name, label = event["event"], event["fields"].get("processor", "")
-        if name == "clamp_started":
-            running[label] = event["t_s"]
-        elif name == "clamp_ended":
-            yield Interval(CLAMP, vehicle, label, running.pop(label), event["t_s"])
-    for label, start in running.items():
-        yield Interval(CLAMP, vehicle, label, start, end)
-
-
-def _holds(events: list[dict[str, Any]], end: float) -> Iterator[Interval]:
-    """Yield pauses and brakes. A hold also ends when the behavior that it interrupts ends."""
-    running: dict[str, float] = {}
+def _lasting(events: list[dict[str, Any]], vehicle: str, end: float) -> Iterator[Interval]:
+    """Yield the faults, the clamps, and the holds, which pauses and brakes cause. A hold also ends
+    when the behavior ends that it interrupts."""
+    running: dict[tuple[str, str, str], list[float]] = {}
     for event in events:
         name, time, fields = event["event"], event["t_s"], event["fields"]
-        ended: list[str] = []
-        if name == "paused":
-            running.setdefault("paused", time)
-        elif name == "failsafe_started" and fields.get("reaction") == "brake":
-            running.setdefault("brake", time)
-        elif name == "resumed":
-            ended = ["paused"]
-        elif name == "failsafe_ended" and fields.get("reaction") == "brake":
-            ended = ["brake"]
-        elif name == "behavior_ended":
-            ended = list(running)
-        for label in ended:
-            start = running.pop(label, time)
-            if time > start:
-                yield Interval(HOLD, event["vehicle"], label, start, time)
-    for label, start in running.items():
-        yield Interval(HOLD, events[0]["vehicle"], label, start, end)
+        is_failsafe = name.startswith("failsafe_")
+        if is_failsafe and fields.get("reaction") != "brake":
+            continue
+        kind = _BEGINS.get(name) or _ENDS.get(name, "")
+        key = (kind, "brake" if is_failsafe else "paused", "")
+        if kind == FAULT:  # the same fault may have several causes at once
+            key = (kind, fields.get("fault", ""), event["at"])
+        elif kind == CLAMP:
+            key = (kind, fields.get("processor", ""), "")
+        ended = [key] if name in _ENDS else []
+        if name == "behavior_ended":
+            ended = [one for one in running if one[0] == HOLD]
+        elif name in _BEGINS and (kind == FAULT or not running.get(key)):
+            running.setdefault(key, []).append(time)
+        for one in (one for one in ended if running.get(one)):
+            start = running[one].pop(0)
+            if time > start or one[0] != HOLD:
+                yield Interval(one[0], vehicle, one[1], start, time)
+    for (kind, label, _), starts in running.items():
+        yield from (Interval(kind, vehicle, label, start, end) for start in starts)
 
 
 def _estimators(events: Iterator[dict[str, Any]], vehicle: str, end: float) -> Iterator[Interval]:

@@ -13,21 +13,11 @@ from kybflow.core.errors import UnitError
 from kybflow.core.signals import NS
 from kybflow.core.units import LENGTH, parse_quantity
 from kybflow.inputs.rows import InputRow, InputRows
+from kybflow.report import plot
 from kybflow.report.data import Run, Track
 from kybflow.report.estimators import Array, norm
 from kybflow.report.events import FAULT, TINTS, shaded
 from kybflow.report.map import moving_ball, path_map, room, seen_from_above, shown
-from kybflow.report.plot import (
-    VEHICLES,
-    Figure,
-    bands,
-    coloured,
-    dashed,
-    line,
-    markers,
-    over_time,
-    shade,
-)
 from kybflow.report.timeline import timeline
 
 _MOST_PAIRS = 28
@@ -40,14 +30,14 @@ _MOMENTS = 9
 _BOUND = re.compile(r"\bseparation\([^)]*\)\s*>=?\s*([^()]+?)(?: and | or | for |$)")
 
 
-def swarm_figures(run: Run) -> list[Figure]:
+def swarm_figures(run: Run) -> list[plot.Figure]:
     """Return the figures of several vehicles, or of one vehicle and moving obstacles."""
     flown = [track for track in run.tracks if len(track.time)]
     above = [_from_above(run)] if len(flown) > 1 or (flown and run.moving) else []
     return [*above, _distances(run, flown)] if len(flown) > 1 else above
 
 
-def _distances(run: Run, tracks: list[Track]) -> Figure:
+def _distances(run: Run, tracks: list[Track]) -> plot.Figure:
     """Draw the distance of each pair while both fly, with the bounds of supervisors and
     expectations."""
     pairs = list(combinations(tracks, 2))
@@ -58,7 +48,7 @@ def _distances(run: Run, tracks: list[Track]) -> Figure:
         curves = [(a.name, a.time, _to_nearest(a, tracks)) for a in tracks]
         note = "From each vehicle to the nearest one, while both are in the air."
     traces = [
-        line(name, time, gap, VEHICLES[n % len(VEHICLES)], 1.6, hover="%{y:.3f} m")
+        plot.line(name, time, gap, plot.VEHICLES[n % len(plot.VEHICLES)], 1.6, hover="%{y:.3f} m")
         for n, (name, time, gap) in enumerate(curves)
     ]
     if len(traces) > _MOST_NAMED:
@@ -70,12 +60,14 @@ def _distances(run: Run, tracks: list[Track]) -> Figure:
     if expected is not None:
         traces.append(_bound(run, "expected above", expected, "6px,4px"))
         note += " The dashed line is the least that an expectation allows."
-    return Figure("distances", "Distances", note, traces, over_time(run, "distance (m)", "tozero"))
+    return plot.Figure(
+        "distances", "Distances", note, traces, plot.over_time(run, "distance (m)", "tozero")
+    )
 
 
 def _bound(run: Run, name: str, bound: float, dash: str) -> dict[str, Any]:
     """Return a horizontal line over the whole run."""
-    limit = line(
+    limit = plot.line(
         f"{name} {round(bound, 3):g} m", np.array([0.0, run.end]), np.full(2, bound), "alarm", 1.4
     )
     limit["line"]["dash"] = dash
@@ -103,42 +95,37 @@ def least_separation(run: Run) -> float | None:
 
 
 def _between(a: Track, b: Track) -> Array:
-    """Return the distance between two vehicles at the times of the first, m; NaN where one doesn't
-    fly."""
+    """Return the distance of two vehicles at the times of `a`, m; NaN where one doesn't fly."""
     here, there = _aloft(a), _at(b, a.time)
-    gap: Array = norm(here - there)
-    return gap
+    return norm(here - there)
 
 
 def _to_nearest(a: Track, tracks: list[Track]) -> Array:
     gaps = np.array([_between(a, b) for b in tracks if b is not a])
     known = np.where(np.isnan(gaps), np.inf, gaps).min(axis=0)
-    nearest: Array = np.where(np.isinf(known), np.nan, known)
-    return nearest
+    return np.where(np.isinf(known), np.nan, known)
 
 
 def _aloft(track: Track) -> Array:
     """Return a vehicle's positions (n, 3), NaN where it doesn't fly."""
     flies = ~np.isnan(track.position_error)
-    place: Array = np.where(flies[:, None], track.position, np.nan)
-    return place
+    return np.where(flies[:, None], track.position, np.nan)
 
 
 def _at(track: Track, times: Array) -> Array:
     """Return a vehicle's positions at these times, NaN where it doesn't fly."""
     places = _aloft(track)
     index = np.clip(np.searchsorted(track.time, times), 0, len(track.time) - 1)
-    found: Array = places[index]
-    return found
+    return places[index]
 
 
-def _from_above(run: Run) -> Figure:
+def _from_above(run: Run) -> plot.Figure:
     """Draw the paths from above, with the moving obstacles and flying vehicles at several
     moments."""
     window, _ = shown(run)
     traces = room(run, window)
-    for track, colour in coloured(run):
-        way = line(track.name, track.position[:, 0], track.position[:, 1], colour, 1.2)
+    for track, colour in plot.coloured(run):
+        way = plot.line(track.name, track.position[:, 0], track.position[:, 1], colour, 1.2)
         traces.append({**way, "opacity": 0.5})
     for moment in np.linspace(0.0, run.end, _MOMENTS + 2)[1:-1]:
         at = float(moment)
@@ -148,14 +135,14 @@ def _from_above(run: Run) -> Figure:
     note = f"The vehicles in the air at {_MOMENTS} moments, with the seconds. Lines join vehicles"
     note += " in one state whose behavior uses the positions of the others."
     layout = seen_from_above(run, window)
-    return Figure("from_above", "From above over time", note, traces, layout, over_time=False)
+    return plot.Figure("from_above", "From above over time", note, traces, layout, over_time=False)
 
 
 def _moment(run: Run, moment: float) -> list[dict[str, Any]]:
     """Draw a dot for each vehicle that flies at `moment` (s), and lines between vehicles in the
     same state if its behavior uses what the others publish."""
     places = {}
-    for track, colour in coloured(run):
+    for track, colour in plot.coloured(run):
         here = _at(track, np.array([moment]))[0] if len(track.time) else np.full(3, np.nan)
         if not np.isnan(here[0]):
             visit = next((v for v in track.visits if v.start <= moment < v.end), None)
@@ -165,12 +152,12 @@ def _moment(run: Run, moment: float) -> list[dict[str, Any]]:
         return []
     edges: list[float] = []
     sides: list[float] = []
-    for a, b in combinations(places.values(), 2) if len(places) <= len(VEHICLES) else ():
+    for a, b in combinations(places.values(), 2) if len(places) <= len(plot.VEHICLES) else ():
         if a[4] == b[4] != "":
             edges += [a[0], b[0], np.nan]
             sides += [a[1], b[1], np.nan]
-    joined = line("", np.array(edges), np.array(sides), "soft", 0.7)
-    dots = markers(
+    joined = plot.line("", np.array(edges), np.array(sides), "soft", 0.7)
+    dots = plot.markers(
         "in the air",
         [p[0] for p in places.values()],
         [p[1] for p in places.values()],
@@ -189,7 +176,7 @@ def _moment(run: Run, moment: float) -> list[dict[str, Any]]:
 _BELOW = "The setpoint of a landing goes below the ground; the vehicle stops at touchdown."
 
 
-def figures(run: Run) -> list[Figure]:
+def figures(run: Run) -> list[plot.Figure]:
     """Return the figures in the order of the page; none if no tick was recorded."""
     if not any(len(track.time) for track in run.tracks):
         return []
@@ -206,16 +193,16 @@ def figures(run: Run) -> list[Figure]:
     ]
 
 
-def _input(name: str, recorded: InputRows, run: Run) -> Figure:
+def _input(name: str, recorded: InputRows, run: Run) -> plot.Figure:
     """Draw the axes of an input, with bands while it was lost."""
     times = [*(row.time / NS for row in recorded.rows), run.end]
     time = np.repeat(times, 2)[1:-1]  # each row is valid until the time of the next
     traces = []
     for number, axis in enumerate(recorded.axes):
         values = np.repeat([row.axes.get(axis, np.nan) for row in recorded.rows], 2)
-        colour = VEHICLES[number % len(VEHICLES)]
-        traces.append(line(axis, time, values, colour, 1.6, hover="%{y:.2f}"))
-    layout = over_time(run, "deflection", "normal")
+        colour = plot.VEHICLES[number % len(plot.VEHICLES)]
+        traces.append(plot.line(axis, time, values, colour, 1.6, hover="%{y:.2f}"))
+    layout = plot.over_time(run, "deflection", "normal")
     layout["yaxis"]["range"] = [-1.05, 1.05]
     lost = []
     for row, until in zip(recorded.rows, times[1:], strict=True):
@@ -223,31 +210,31 @@ def _input(name: str, recorded: InputRows, run: Run) -> Figure:
             font = {"size": 10, "color": "ink"}
             label = {"label": {"text": row.lost, "textposition": "top left", "font": font}}
             lost.append(("lost", row.time / NS, until, TINTS[FAULT], label))
-    layout |= bands(lost)
+    layout |= plot.bands(lost)
     pressed = [
         f"{button} at {row.time / NS:.2f} s"
         for before, row in pairwise((InputRow(0, {}), *recorded.rows))
         for button in sorted(row.held - before.held)
     ]
     note = f"After dead zones and calibration. Buttons: {', '.join(pressed) or 'none was pressed'}."
-    return Figure(f"input_{name}", f"Input {name}", note, traces, layout)
+    return plot.Figure(f"input_{name}", f"Input {name}", note, traces, layout)
 
 
-def _errors(run: Run, what: str, unit: str) -> Figure:
+def _errors(run: Run, what: str, unit: str) -> plot.Figure:
     traces = []
-    for track, colour in coloured(run):
+    for track, colour in plot.coloured(run):
         values = (track.position_error if what == "position" else track.velocity_error) * 100.0
         hover = f"%{{y:.2f}} c{unit}"
-        traces.append(line(track.name, track.time, values, colour, 1.6, hover=hover))
+        traces.append(plot.line(track.name, track.time, values, colour, 1.6, hover=hover))
     known = "true" if run.simulated else "estimated"
     note = f"In the air, between the behavior's setpoint and the {known} {what}."
-    layout = over_time(run, f"{what} error (c{unit})", "tozero")
+    layout = plot.over_time(run, f"{what} error (c{unit})", "tozero")
     highest = max((_highest_aloft(track, what) for track in run.tracks), default=0.0)
     if highest > 0.0:
         layout["yaxis"]["range"] = [0.0, 115.0 * highest]
         note += " The axis fits behaviors that stay in the air; double-click for the full range."
-    layout |= shade(shaded(run), len(run.tracks) > 1)
-    return Figure(f"{what}_error", f"{what.capitalize()} error", note, traces, layout)
+    layout |= plot.shade(shaded(run), len(run.tracks) > 1)
+    return plot.Figure(f"{what}_error", f"{what.capitalize()} error", note, traces, layout)
 
 
 def _highest_aloft(track: Track, what: str) -> float:
@@ -262,34 +249,36 @@ def _highest_aloft(track: Track, what: str) -> float:
     return float(found.max()) if len(found) else 0.0
 
 
-def _to_target(run: Run) -> Figure:
+def _to_target(run: Run) -> plot.Figure:
     traces = [
-        line(track.name, track.time, track.to_target, colour, 1.6, hover="%{y:.3f} m")
-        for track, colour in coloured(run)
+        plot.line(track.name, track.time, track.to_target, colour, 1.6, hover="%{y:.3f} m")
+        for track, colour in plot.coloured(run)
     ]
     note = "From the vehicle to the last setpoint of its behavior at that time."
-    layout = over_time(run, "distance (m)", "tozero")
-    return Figure("to_target", "Distance to target", note, traces, layout)
+    layout = plot.over_time(run, "distance (m)", "tozero")
+    return plot.Figure("to_target", "Distance to target", note, traces, layout)
 
 
-def _height(run: Run) -> Figure:
+def _height(run: Run) -> plot.Figure:
     traces = [
-        line(track.name, track.time, track.position[:, 2], colour, 2.2, hover="%{y:.3f} m")
-        for track, colour in coloured(run)
+        plot.line(track.name, track.time, track.position[:, 2], colour, 2.2, hover="%{y:.3f} m")
+        for track, colour in plot.coloured(run)
     ]
     traces += [
-        dashed("reference", track.time, track.reference[:, 2], number == 0)
+        plot.dashed("reference", track.time, track.reference[:, 2], number == 0)
         for number, track in enumerate(run.tracks)
     ]
     below = any((track.reference[:, 2] < track.start[2] - 0.01).any() for track in run.tracks)
     note = _BELOW if below else ""
-    return Figure("height", "Height", note, traces, over_time(run, "z, up (m)", "tozero"))
+    return plot.Figure("height", "Height", note, traces, plot.over_time(run, "z, up (m)", "tozero"))
 
 
-def _battery(run: Run) -> Figure:
+def _battery(run: Run) -> plot.Figure:
     traces = [
-        line(track.name, track.battery_time, track.battery * 100.0, colour, 1.8, hover="%{y:.1f} %")
-        for track, colour in coloured(run)
+        plot.line(
+            track.name, track.battery_time, track.battery * 100.0, colour, 1.8, hover="%{y:.1f} %"
+        )
+        for track, colour in plot.coloured(run)
     ]
-    layout = over_time(run, "remaining (%)", "normal")
-    return Figure("battery", "Battery", "", traces, layout)
+    layout = plot.over_time(run, "remaining (%)", "normal")
+    return plot.Figure("battery", "Battery", "", traces, layout)

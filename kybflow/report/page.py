@@ -63,7 +63,7 @@ def render(run: Run) -> str:
 
 
 def is_change(event: dict[str, Any]) -> bool:
-    """Return whether an event is a change of the estimator in flight."""
+    """Return whether an event changes the estimator during the flight."""
     is_one = event["event"] in ("estimator_changed", "estimator_lost")
     return is_one and event["fields"]["reason"] != "the first estimate"
 

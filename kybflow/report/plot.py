@@ -54,8 +54,8 @@ def line(
 
 
 def dashed(name: str, x: Array, y: Array, shown: bool) -> dict[str, Any]:
-    """Return a thin dashed line in the colour of the text. Lines with the same name share a legend
-    entry, that of the line which is `shown`."""
+    """Return a thin dashed line in the colour of the text. Lines with the same name share one
+    legend entry; the line with `shown` adds it."""
     trace = line(name, x, y, "ink", 1.2)
     trace["line"]["dash"] = "5px,3px"
     return {**trace, "legendgroup": name, "showlegend": shown}

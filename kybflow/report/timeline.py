@@ -7,28 +7,14 @@ from dataclasses import replace
 from html import escape
 from typing import Any
 
+from kybflow.report import events
 from kybflow.report.data import Run, StateVisit
-from kybflow.report.events import (
-    ALARM,
-    BARS,
-    CLAMP,
-    COLLISION,
-    EVENT,
-    FAULT,
-    HOLD,
-    TINTS,
-    Interval,
-    estimators_in_use,
-    faults_and_holds,
-    fields_text,
-    kind_of,
-)
 from kybflow.report.plot import Figure, markers, time_axis
 
 _MARKERS = {
-    EVENT: {"symbol": "triangle-up", "color": "ink", "size": 9},
-    ALARM: {"symbol": "diamond", "color": "alarm", "size": 9},
-    COLLISION: {"symbol": "x", "color": "alarm", "size": 13},
+    events.EVENT: {"symbol": "triangle-up", "color": "ink", "size": 9},
+    events.ALARM: {"symbol": "diamond", "color": "alarm", "size": 9},
+    events.COLLISION: {"symbol": "x", "color": "alarm", "size": 13},
 }
 _VISITS = ("#6f9fd8", "#e3a869", "#6dbb9c", "#b892d4", "#d98a94", "#a9b35e", "#62bcc7", "#d395b6")
 _GREY = "#9aa3ad"
@@ -101,11 +87,12 @@ def marks(run: Run, rows: Mapping[str, float]) -> list[dict[str, Any]]:
     found: dict[str, dict[tuple[float, float], list[str]]] = {kind: {} for kind in _MARKERS}
     for event in run.events:
         row = event["vehicle"] or "run"
-        if event["event"] not in BARS and row in rows:
+        if event["event"] not in events.BARS and row in rows:
             place = (event["t_s"], rows[row])
-            fields, at = fields_text(event), f" ({escape(event['at'])})" if event["at"] else ""
+            fields = events.fields_text(event)
+            at = f" ({escape(event['at'])})" if event["at"] else ""
             text = f"{event['event']}{' - ' if fields else ''}{escape(fields)}{at}"
-            found[kind_of(event)].setdefault(place, []).append(text)
+            found[events.kind_of(event)].setdefault(place, []).append(text)
     traces = []
     for kind, places in found.items():
         if places:
@@ -134,16 +121,16 @@ def narrow_labels(visits: Sequence[StateVisit], end: float) -> tuple[dict[StateV
     return levels, _LEVEL * (max(levels.values(), default=-1) + 1) + 4.0
 
 
-def _lanes(run: Run) -> dict[str, dict[str, list[Interval]]]:
+def _lanes(run: Run) -> dict[str, dict[str, list[events.Interval]]]:
     """Return the lanes of each vehicle. There is no lane for a single estimator."""
-    found: dict[str, dict[str, list[Interval]]] = {}
-    lasting = faults_and_holds(run)
-    for name, used in estimators_in_use(run).items():
+    found: dict[str, dict[str, list[events.Interval]]] = {}
+    lasting = events.faults_and_holds(run)
+    for name, used in events.estimators_in_use(run).items():
         own = [i for i in lasting if i.vehicle == name]
         lanes = {
-            "faults": [i for i in own if i.kind == FAULT],
-            "holds": [i for i in own if i.kind == HOLD],
-            "clamps": [i for i in own if i.kind == CLAMP],
+            "faults": [i for i in own if i.kind == events.FAULT],
+            "holds": [i for i in own if i.kind == events.HOLD],
+            "clamps": [i for i in own if i.kind == events.CLAMP],
             "estimator": used if len(used) > 1 else [],
         }
         found[name] = {kind: shown for kind, shown in lanes.items() if shown}
@@ -166,8 +153,11 @@ def _label(visit: StateVisit, top: float, level: int) -> dict[str, Any]:
     }
 
 
+_Span = events.Interval | StateVisit
+
+
 def _bar(
-    span: Interval | StateVisit, middle: float, width: float, text: str, title: str, more: str = ""
+    span: _Span, middle: float, width: float, text: str, title: str, more: str = ""
 ) -> dict[str, Any]:
     """Return a bar with a text inside. title, more: the text of its hover label before and after
     the times."""
@@ -186,7 +176,7 @@ def _bar(
     }
 
 
-def _interval(interval: Interval, middle: float) -> dict[str, Any]:
+def _interval(interval: events.Interval, middle: float) -> dict[str, Any]:
     kind, label = interval.kind, interval.label
     title = f"{kind}: {label}" if kind != label else label
     return {
@@ -194,7 +184,7 @@ def _interval(interval: Interval, middle: float) -> dict[str, Any]:
         "insidetextanchor": "start",
         "insidetextfont": {"color": "ink", "size": 10},
         "constraintext": "none",
-        "marker": {"color": TINTS.get(kind, "rgba(125,136,148,0.22)")},
+        "marker": {"color": events.TINTS.get(kind, "rgba(125,136,148,0.22)")},
     }
 
 

@@ -9,8 +9,7 @@ import pytest
 from short_flights import named
 from toolchain import compiled, flight_of, result_of
 
-from kybflow.api.rehearsal.arrivals import StraightWay, arrival
-from kybflow.api.rehearsal.findings import Arrival
+from kybflow.api.rehearsal.findings import Arrival, StraightWay, arrival
 from kybflow.api.rehearsal.rehearse import Rehearsal, rehearse
 from kybflow.cli.printing.mission import show_mission
 from kybflow.core.signals import NS
@@ -136,32 +135,20 @@ PHASE = PhasePlan(
 
 
 def test_where_nobody_knows_the_ways_turns_may_help() -> None:
-    one, other = (
-        StraightWay("a", ORIGIN, None, keeps_pace=True),
-        StraightWay("b", NORTH, EAST, keeps_pace=True),
-    )
+    one, other = StraightWay("a", ORIGIN, None, True), StraightWay("b", NORTH, EAST, True)
     assert arrival(PHASE, one, other, 1.0) == Arrival("over", ("in_turns",))
 
 
 def test_where_two_swap_their_places_nothing_helps() -> None:
-    one, other = (
-        StraightWay("a", ORIGIN, EAST, keeps_pace=True),
-        StraightWay("b", EAST, ORIGIN, keeps_pace=True),
-    )
+    one, other = StraightWay("a", ORIGIN, EAST, True), StraightWay("b", EAST, ORIGIN, True)
     assert arrival(PHASE, one, other, 0.5) is None
 
 
 def test_where_one_flies_otherwise_they_keep_no_pace() -> None:
-    one, other = (
-        StraightWay("a", ORIGIN, EAST, keeps_pace=True),
-        StraightWay("b", NORTH, FAR, keeps_pace=False),
-    )
+    one, other = StraightWay("a", ORIGIN, EAST, True), StraightWay("b", NORTH, FAR, False)
     assert arrival(PHASE, one, other, 0.5) == Arrival("over", ("in_turns",))
 
 
 def test_what_comes_in_turns_already_is_not_told_to() -> None:
-    one, other = (
-        StraightWay("a", ORIGIN, EAST, keeps_pace=True),
-        StraightWay("b", NORTH, FAR, keeps_pace=True),
-    )
+    one, other = StraightWay("a", ORIGIN, EAST, True), StraightWay("b", NORTH, FAR, True)
     assert arrival(replace(PHASE, arrive="in_turns"), one, other, 0.5) is None

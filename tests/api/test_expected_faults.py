@@ -6,43 +6,30 @@ import pytest
 from recorded_run import make_plan
 
 from kybflow.api.flight import expected_faults
-from kybflow.dsl.expressions import (
-    And,
-    Compare,
-    Eventually,
-    Expression,
-    Finally,
-    Finished,
-    GroupInState,
-    InState,
-    Not,
-    Or,
-    Read,
-    Word,
-)
+from kybflow.dsl import expressions as ex
 from kybflow.dsl.plan import ExpectationPlan
 from kybflow.recording.outcome import Ending, decide
 from kybflow.runtime.scores import Score
 
-SICK, WELL = InState("sick", "fault"), InState("well", "landed")
+SICK, WELL = ex.InState("sick", "fault"), ex.InState("well", "landed")
 
 
 @pytest.mark.parametrize(
     ("expression", "expected"),
     [
-        (Finally(SICK), {"sick"}),
-        (Eventually(SICK, 30.0), {"sick"}),
-        (Finally(And((SICK, WELL))), {"sick"}),
-        (Finally(Or((SICK, InState("sick", "landed")))), {"sick"}),
-        (Finally(Compare("==", Read("sick", "behavior"), Word("fault"))), {"sick"}),
-        (Finally(GroupInState("any", "all_of_them", ("a", "b"), "fault")), {"a", "b"}),
-        (Finally(Not(SICK)), set()),
-        (Finally(Compare("!=", Read("sick", "behavior"), Word("fault"))), set()),
-        (Finally(WELL), set()),
-        (Finished(30.0), set()),
+        (ex.Finally(SICK), {"sick"}),
+        (ex.Eventually(SICK, 30.0), {"sick"}),
+        (ex.Finally(ex.And((SICK, WELL))), {"sick"}),
+        (ex.Finally(ex.Or((SICK, ex.InState("sick", "landed")))), {"sick"}),
+        (ex.Finally(ex.Compare("==", ex.Read("sick", "behavior"), ex.Word("fault"))), {"sick"}),
+        (ex.Finally(ex.GroupInState("any", "all_of_them", ("a", "b"), "fault")), {"a", "b"}),
+        (ex.Finally(ex.Not(SICK)), set()),
+        (ex.Finally(ex.Compare("!=", ex.Read("sick", "behavior"), ex.Word("fault"))), set()),
+        (ex.Finally(WELL), set()),
+        (ex.Finished(30.0), set()),
     ],
 )
-def test_who_may_end_in_fault(expression: Expression, expected: set[str]) -> None:
+def test_who_may_end_in_fault(expression: ex.Expression, expected: set[str]) -> None:
     assert expected_faults([ExpectationPlan("as written", expression, "m.yaml:9")]) == expected
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -52,25 +53,45 @@ class Plunge(Behavior[Any], flight=AIR >> GROUND, emits=SetpointKind.VELOCITY):
         return Done(IDLE) if tick.known().position[2] <= 0.0 else setpoint
 
 
-def planned(text: str, tmp_path: Path, head: str = HEAD) -> tuple[Plan, dict[str, str]]:
+Change = Callable[[Plan], Plan]
+
+
+def rehearsed(
+    text: str, tmp_path: Path, *changes: Change, head: str = HEAD, **options: Any
+) -> Rehearsal:
     result = result_of(tmp_path / "mission.yaml", head + text)
     assert result.plan is not None, result.diagnostics
-    return result.plan, result.texts
+    plan = result.plan
+    for change in changes:
+        plan = change(plan)
+    return rehearse(plan, texts=result.texts, **options)
 
 
-def rehearsed(text: str, tmp_path: Path, **options: Any) -> Rehearsal:
-    plan, texts = planned(text, tmp_path)
-    return rehearse(plan, texts=texts, **options)
+def every(**changes: Any) -> Change:
+    """Changes fields of every vehicle."""
+    return lambda plan: dataclasses.replace(
+        plan, vehicles=tuple(dataclasses.replace(v, **changes) for v in plan.vehicles)
+    )
 
 
-def drifting(plan: Plan, state: str, cls: type[Behavior[Any]] = Drift) -> Plan:
-    """The plan with a lab's own behavior in place of that of `state`."""
-    [vehicle] = plan.vehicles
-    before = vehicle.states[state]
-    part = dataclasses.replace(before.behavior, cls=cls, name=cls.__name__.lower())
-    own = dataclasses.replace(before, behavior=part, legs=cls.flight)
-    states = {**vehicle.states, state: own}
-    return dataclasses.replace(plan, vehicles=(dataclasses.replace(vehicle, states=states),))
+BARE, UNHELD = every(supervisors=()), every(processors=())
+"""Without supervisors; without processors."""
+
+
+def replaced(state: str, cls: type[Behavior[Any]]) -> Change:
+    """A lab's own behavior in place of that of `state` of the only vehicle."""
+
+    def change(plan: Plan) -> Plan:
+        [vehicle] = plan.vehicles
+        before = vehicle.states[state]
+        part = dataclasses.replace(before.behavior, cls=cls, name=cls.__name__.lower())
+        own = dataclasses.replace(before, behavior=part, legs=cls.flight)
+        return every(states={**vehicle.states, state: own})(plan)
+
+    return change
+
+
+DRIFTS = replaced("own", Drift)
 
 
 def found(rehearsal: Rehearsal) -> list[str]:
@@ -94,17 +115,9 @@ vehicles:
 SWAP = PAIR % "[-1, 0, 1]"
 
 
-def bare(plan: Plan) -> Plan:
-    """The plan without supervisors."""
-    vehicles = tuple(dataclasses.replace(v, supervisors=()) for v in plan.vehicles)
-    return dataclasses.replace(plan, vehicles=vehicles)
-
-
 def test_two_that_swap_places_on_one_line_are_told_with_both_lines(tmp_path: Path) -> None:
-    plan, texts = planned(SWAP, tmp_path)
-
-    braked = rehearse(plan, texts=texts)
-    [hit] = rehearse(bare(plan), texts=texts).diagnostics
+    braked = rehearsed(SWAP, tmp_path)
+    [hit] = rehearsed(SWAP, tmp_path, BARE).diagnostics
 
     assert found(braked) == ["KYB474", "KYB474"]
     first, second = braked.diagnostics
@@ -127,10 +140,8 @@ def test_two_in_one_landing_place(tmp_path: Path) -> None:
         "over: {position: [0.9, 0, 1]}, down: {position: %s}}",
     )
     text = text.replace("at: [1, 0, 0]", "at: [1, 2, 0]")
-    plan, texts = planned(text % "null", tmp_path)
-    aside = rehearse(bare(plan), texts=texts)
-    plan, texts = planned(text % "[0.9, 0, 0]", tmp_path)
-    fails, waits = rehearse(bare(plan), texts=texts).diagnostics
+    aside = rehearsed(text % "null", tmp_path, BARE)
+    fails, waits = rehearsed(text % "[0.9, 0, 0]", tmp_path, BARE).diagnostics
 
     assert found(aside) == ["KYB479"]
     assert aside.is_clean
@@ -153,12 +164,8 @@ vehicles:
 
 
 def test_a_labs_own_behavior_that_leaves_the_fence(tmp_path: Path) -> None:
-    plan, texts = planned(ALONE, tmp_path)
-    [vehicle] = plan.vehicles
-    unheld = dataclasses.replace(plan, vehicles=(dataclasses.replace(vehicle, processors=()),))
-
-    [held] = rehearse(drifting(plan, "own"), texts=texts).diagnostics
-    [left] = rehearse(drifting(unheld, "own"), texts=texts).diagnostics
+    [held] = rehearsed(ALONE, tmp_path, DRIFTS).diagnostics
+    [left] = rehearsed(ALONE, tmp_path, DRIFTS, UNHELD).diagnostics
 
     assert held.code == left.code == "KYB473"
     assert (held.span.line, left.span.line) == (12, 12)
@@ -175,20 +182,14 @@ class Breaks(Behavior[Any], flight=AIR >> AIR, emits=SetpointKind.POSITION):
 
 
 def test_a_part_that_raises(tmp_path: Path) -> None:
-    plan, texts = planned(ALONE, tmp_path)
-
-    [one] = rehearse(drifting(plan, "own", Breaks), texts=texts).diagnostics
+    [one] = rehearsed(ALONE, tmp_path, replaced("own", Breaks)).diagnostics
 
     assert one.code == "KYB475"
     assert "`behaviors.own` failed: ZeroDivisionError" in one.label
 
 
 def test_a_touch_down_that_is_too_fast(tmp_path: Path) -> None:
-    plan, texts = planned(ALONE, tmp_path)
-    [vehicle] = bare(plan).vehicles
-    plan = dataclasses.replace(plan, vehicles=(dataclasses.replace(vehicle, processors=()),))
-
-    one = rehearse(drifting(plan, "down", Plunge), texts=texts)
+    one = rehearsed(ALONE, tmp_path, BARE, UNHELD, replaced("down", Plunge))
 
     assert found(one) == ["KYB472"]
     assert one.diagnostics[0].message.startswith("`a` touches down with 2.00 m/s at ")
@@ -197,9 +198,7 @@ def test_a_touch_down_that_is_too_fast(tmp_path: Path) -> None:
 
 def test_two_that_pass_too_close(tmp_path: Path) -> None:
     text = (PAIR % "[-1, 0.22, 1]").replace("at: [1, 0, 0]", "at: [1, 0.22, 0]")
-    plan, texts = planned(text, tmp_path)
-
-    one = rehearse(bare(plan), texts=texts)
+    one = rehearsed(text, tmp_path, BARE)
 
     assert found(one) == ["KYB480"]
     assert one.is_clean
@@ -209,11 +208,7 @@ def test_two_that_pass_too_close(tmp_path: Path) -> None:
 
 
 def test_a_preflight_that_stays_red(tmp_path: Path) -> None:
-    plan, texts = planned(ALONE, tmp_path)
-    [vehicle] = plan.vehicles
-    outside = dataclasses.replace(vehicle, start=(5.0, 0.0, 0.0))
-
-    one = rehearse(dataclasses.replace(plan, vehicles=(outside,)), texts=texts)
+    one = rehearsed(ALONE, tmp_path, every(start=(5.0, 0.0, 0.0)))
 
     assert found(one) == ["KYB481"]
     assert one.diagnostics[0].label == "2.00 m outside"
@@ -222,15 +217,9 @@ def test_a_preflight_that_stays_red(tmp_path: Path) -> None:
 def test_a_path_through_an_obstacle_from_a_place_known_only_in_flight(tmp_path: Path) -> None:
     pillar = "pillar: {cylinder: {at: [2, 0, 0], radius: 20 cm, height: 2.5 m}}"
     head = f"{HEAD}  obstacles: {{{pillar}}}\n"
-    plan, texts = planned(ALONE, tmp_path, head)
-
-    [vehicle] = plan.vehicles
-    unheld = dataclasses.replace(plan, vehicles=(dataclasses.replace(vehicle, processors=()),))
-
-    [held] = rehearse(drifting(plan, "own"), texts=texts).diagnostics
-    [hit] = [
-        d for d in rehearse(drifting(unheld, "own"), texts=texts).diagnostics if d.code == "KYB471"
-    ]
+    [held] = rehearsed(ALONE, tmp_path, DRIFTS, head=head).diagnostics
+    through = rehearsed(ALONE, tmp_path, DRIFTS, UNHELD, head=head)
+    [hit] = [d for d in through.diagnostics if d.code == "KYB471"]
 
     assert held.code == "KYB473"
     assert "`obstacle_guard` keeps the setpoint" in held.label
@@ -240,11 +229,8 @@ def test_a_path_through_an_obstacle_from_a_place_known_only_in_flight(tmp_path: 
 def test_an_obstacle_that_moves_into_a_vehicle(tmp_path: Path) -> None:
     ball = "{along: [[2, 0, 1], [-2, 0, 1]], radius: 15 cm, speed: 30 cm/s}"
     head = f"{HEAD}  obstacles: {{ball: {{moving_sphere: {ball}}}}}\n"
-    plan, texts = planned(ALONE, tmp_path, head)
-    [vehicle] = plan.vehicles
-    unheld = dataclasses.replace(plan, vehicles=(dataclasses.replace(vehicle, processors=()),))
-
-    [hit] = [d for d in rehearse(unheld, texts=texts).diagnostics if d.code == "KYB471"]
+    one = rehearsed(ALONE, tmp_path, UNHELD, head=head)
+    [hit] = [d for d in one.diagnostics if d.code == "KYB471"]
 
     assert hit.message.startswith("`a` runs into `ball` at ")
 
@@ -356,14 +342,13 @@ def test_a_persons_events_come_two_seconds_after_they_are_waited_for(tmp_path: P
 
 def test_a_battery_that_ends_before(tmp_path: Path) -> None:
     text = ALONE.replace("for_time: 4 s", "for_time: 60 s")
-    plan, texts = planned(text, tmp_path)
-    [vehicle] = plan.vehicles
-    weak = dataclasses.replace(vehicle.airframe, endurance=40.0)
-    bare = dataclasses.replace(vehicle, airframe=weak, supervisors=())
-    watched = dataclasses.replace(vehicle, airframe=weak)
 
-    empty = rehearse(dataclasses.replace(plan, vehicles=(bare,)), texts=texts)
-    acted = rehearse(dataclasses.replace(plan, vehicles=(watched,)), texts=texts)
+    def weak(plan: Plan) -> Plan:
+        airframe = dataclasses.replace(plan.vehicles[0].airframe, endurance=40.0)
+        return every(airframe=airframe)(plan)
+
+    empty = rehearsed(text, tmp_path, weak, BARE)
+    acted = rehearsed(text, tmp_path, weak)
 
     assert found(empty) == ["KYB478"]
     assert empty.charge is not None
@@ -400,9 +385,9 @@ def test_what_an_input_at_rest_steers_goes_on(tmp_path: Path) -> None:
 
 def test_one_that_starts_on_an_obstacle_lands_there(tmp_path: Path) -> None:
     head = f"{HEAD}  obstacles: {{table: {{box: {{from: [-1, -1, 0], to: [1, 1, 0.5]}}}}}}\n"
-    plan, texts = planned(ALONE.replace("at: [0, 0, 0]", "at: [0, 0, 0.5]"), tmp_path, head)
+    raised = ALONE.replace("at: [0, 0, 0]", "at: [0, 0, 0.5]")
 
-    assert found(rehearse(plan, texts=texts)) == []
+    assert found(rehearsed(raised, tmp_path, head=head)) == []
 
 
 def test_an_expectation_that_ideal_vehicles_do_not_meet(tmp_path: Path) -> None:

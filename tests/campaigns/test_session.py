@@ -58,7 +58,7 @@ def case(folder: Path, name: str, seed: int = 0) -> FlightCase:
     return FlightCase(folder / f"{name}.yaml", seed, folder / "runs" / f"{name}-{seed}")
 
 
-def ran(*arguments: str):
+def ran(*arguments: object):
     return invoke("test", *arguments)
 
 
@@ -146,9 +146,7 @@ def orphaned(case: FlightCase) -> FlightResult:
     [
         ("killed", "the process that flew it died (SIGKILL)"),
         pytest.param(
-            "raised",
-            "kybflow failed: ZeroDivisionError: of all things",
-            marks=pytest.mark.thorough,
+            "raised", "kybflow failed: ZeroDivisionError: of all things", marks=pytest.mark.thorough
         ),
     ],
 )
@@ -243,9 +241,7 @@ def test_a_terminal_that_interrupts_ends_the_command(folder: Path, number: int):
 @pytest.mark.parametrize(("option", "name"), [("--out", "file"), ("--junit", "none/junit.xml")])
 def test_what_cannot_be_written_is_said_before_any_flight(folder: Path, option: str, name: str):
     (folder / "file").write_text("")
-    done = ran(
-        str(folder / "broken.yaml"), "--out", str(folder / "runs"), option, f"{folder}/{name}"
-    )
+    done = ran(folder / "broken.yaml", "--out", folder / "runs", option, f"{folder}/{name}")
     assert done.exit_code == 2
     assert f"Invalid value for {option}" in done.output
     assert "FAILED" not in done.output
@@ -281,12 +277,8 @@ def test_junit_tells_failures_from_errors(folder: Path, tmp_path: Path):
     tried = [FlightResult(c, v, ("why\x00",)) for c, v in zip(cases, verdicts, strict=True)]
     write_junit(tmp_path / "junit.xml", tried)
     (suite,) = ElementTree.parse(tmp_path / "junit.xml").getroot()
-    assert {k: suite.attrib[k] for k in ("name", "tests", "failures", "errors")} == {
-        "name": "m.yaml",
-        "tests": "3",
-        "failures": "1",
-        "errors": "1",
-    }
+    counts = {"tests": "3", "failures": "1", "errors": "1"}
+    assert suite.attrib.items() >= {"name": "m.yaml", **counts}.items()
     assert suite[1][0].attrib == {"message": "why?", "type": "failed"}
 
 

@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from toolchain import ROOT, invoke
@@ -15,6 +16,15 @@ from kybflow.recording import run_folder
 
 GOOD = str(ROOT / "missions" / "figure_eight.yaml")
 FIRST = str(ROOT / "missions" / "first_flight.yaml")
+
+
+def shell(command: str) -> subprocess.CompletedProcess[str]:
+    words = ["bash", "-c", command]
+    return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def events_in(folder: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
 
 
 @pytest.fixture
@@ -101,30 +111,14 @@ def test_schema_prints_writes_and_checks(tmp_path: Path) -> None:
 
 def test_parts_ends_where_its_reader_does() -> None:
     """A closed pipe (`kybflow parts | head -1`) is no error worth a traceback."""
-    done = subprocess.run(
-        f"{sys.executable} -c 'from kybflow.cli.app import main; main()' parts | head -1",
-        shell=True,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.stderr == ""
+    program = f"{sys.executable} -c 'from kybflow.cli.app import main; main()'"
+    assert shell(f"{program} parts | head -1").stderr == ""
 
 
 PRINTS = [
-    ["parts"],
-    ["validate", GOOD],
-    ["--help"],
-    ["library"],
-    ["explain"],
-    ["schema"],
-    ["graph", GOOD],
-    ["show", GOOD],
-    ["validate", GOOD, "--format", "json"],
-    ["preflight", GOOD],
-    ["new", "mine"],
-    ["--version"],
-]
+    "parts", f"validate {GOOD}", "--help", "library", "explain", "schema", f"graph {GOOD}",
+    f"show {GOOD}", f"validate {GOOD} --format json", f"preflight {GOOD}", "new mine", "--version",
+]  # fmt: skip
 QUICK = 1
 """How many of them are tried in every run of the tests; each is a process of its own."""
 
@@ -133,16 +127,14 @@ QUICK = 1
 @pytest.mark.parametrize(
     "words",
     [
-        pytest.param(words, id=" ".join(words), marks=[pytest.mark.thorough] if k >= QUICK else [])
+        pytest.param(words, marks=[pytest.mark.thorough] if k >= QUICK else [])
         for k, words in enumerate(PRINTS)
     ],
 )
-def test_output_that_cannot_be_written_is_said_in_one_sentence(
-    words: list[str], tmp_path: Path
-) -> None:
+def test_output_that_cannot_be_written_is_said_in_one_sentence(words: str, tmp_path: Path) -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "kybflow", *words],
+            [sys.executable, "-m", "kybflow", *words.split()],
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,
@@ -156,13 +148,7 @@ def test_output_that_cannot_be_written_is_said_in_one_sentence(
 @pytest.mark.thorough
 @pytest.mark.parametrize("words", [["parts"], ["schema"]], ids=" ".join)
 def test_an_output_that_was_closed_is_nobodys_concern(words: list[str]) -> None:
-    done = subprocess.run(
-        f"{sys.executable} -m kybflow {' '.join(words)} >&-",
-        shell=True,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = shell(f"{sys.executable} -m kybflow {' '.join(words)} >&-")
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -170,8 +156,7 @@ def test_an_output_that_was_closed_is_nobodys_concern(words: list[str]) -> None:
     "outlet", [pytest.param("| head -1", marks=pytest.mark.thorough), "> /dev/full"]
 )
 def test_a_flight_goes_on_when_nobody_can_be_told(tmp_path: Path, outlet: str) -> None:
-    command = f"{sys.executable} -m kybflow run {FIRST} --no-report --out {tmp_path} {outlet}"
-    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
+    done = shell(f"{sys.executable} -m kybflow run {FIRST} --no-report --out {tmp_path} {outlet}")
     assert json.loads((tmp_path / "summary.json").read_text())["outcome"] == "succeeded"
     assert done.stderr == ""
 
@@ -215,7 +200,7 @@ def test_an_event_that_cannot_be_given_is_refused_before_anything_is_written(
 def test_events_are_given_while_it_flies(tmp_path: Path) -> None:
     words = ("--emit", "operator.land@6s", "--emit", "operator.pause@ 5.5", "--no-report")
     result = invoke("run", FIRST, "--out", str(tmp_path), *words)
-    told = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text().splitlines()]
+    told = events_in(tmp_path)
     given = [(e["event"], e["t_s"]) for e in told if e["event"].startswith("operator.")]
     assert given == [("operator.pause", 5.5), ("operator.land", 6.0)]
     assert result.exit_code in (0, 1)
@@ -251,8 +236,7 @@ def test_a_run_is_flown_again_with_the_commands_of_its_record(tmp_path: Path) ->
     invoke("run", FIRST, *words)
     provenance = json.loads((tmp_path / "run" / "provenance.json").read_text())
     assert (provenance["seed"], provenance["emit"]) == (3, ["operator.pause@2.0s"])
-    lines = (tmp_path / "run" / "events.jsonl").read_text().splitlines()
-    given = [e for e in map(json.loads, lines) if e["event"] == "command_given"]
+    given = [e for e in events_in(tmp_path / "run") if e["event"] == "command_given"]
     assert [(e["t_s"], e["fields"]["command"], e["fields"]["by"]) for e in given] == [
         (2.0, "pause", "command line"),
         (2.5, "land", "anna"),
@@ -317,9 +301,7 @@ def test_help_gives_each_exit_code_and_example_a_line(command: str) -> None:
 def test_a_reader_that_goes_away_changes_no_exit_code(tmp_path: Path, arguments: str) -> None:
     out = f" --out {tmp_path}" if arguments.startswith("test") else ""
     command = f"{sys.executable} -m kybflow {arguments}{out} | head -0; echo ${{PIPESTATUS[0]}}"
-    done = subprocess.run(
-        ["bash", "-c", command], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    done = shell(command)
     assert (done.stdout, done.stderr) == ("0\n", "")
 
 

@@ -106,9 +106,7 @@ def right(name: str, simulator: bool = False) -> dict[str, float]:
 
 
 @pytest.mark.parametrize(("name", "autopilot"), [("px4", PX4), ("ardupilot", ARDUPILOT)])
-def test_where_all_is_right_nothing_is_written(
-    name: str, autopilot: int, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_where_all_is_right_nothing_is_written(name: str, autopilot: int, capsys) -> None:
     peer = Peer(7, autopilot, **right(name))
     assert Table(peer).set_up(name, write=True)
     out = capsys.readouterr().out
@@ -129,7 +127,7 @@ def test_a_parameter_that_newer_versions_renamed_is_found_by_its_new_name(capsys
     assert Table(peer).set_up("ardupilot")
 
 
-def test_what_is_wrong_is_shown_and_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_wrong_is_shown_and_left_alone(capsys) -> None:
     peer = Peer(**right("px4") | {"COM_OBL_RC_ACT": 0, "COM_RCL_EXCEPT": 1})
     assert not Table(peer).set_up()
     out = capsys.readouterr().out
@@ -140,7 +138,7 @@ def test_what_is_wrong_is_shown_and_left_alone(capsys: pytest.CaptureFixture[str
     assert peer.writes == []
 
 
-def test_what_is_wrong_is_written_and_read_back(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_wrong_is_written_and_read_back(capsys) -> None:
     wrong = {"EKF2_EV_CTRL": 0, "EKF2_HGT_REF": 1, "COM_RCL_EXCEPT": 1, "COM_OF_LOSS_T": 9.5}
     peer = Peer(**right("px4") | wrong)
     assert Table(peer).set_up(write=True)
@@ -159,9 +157,7 @@ def test_ardupilot_gets_plain_numbers_and_our_system_id() -> None:
     assert (peer.parameters["VISO_TYPE"], peer.parameters["SYSID_MYGCS"]) == (1, OURS)
 
 
-def test_what_is_missing_is_said_and_the_rest_is_written(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_what_is_missing_is_said_and_the_rest_is_written(capsys) -> None:
     parameters = right("ardupilot") | {"VISO_TYPE": 0}
     del parameters["COMPASS_ENABLE"]
     peer = Peer(1, ARDUPILOT, **parameters)
@@ -172,7 +168,7 @@ def test_what_is_missing_is_said_and_the_rest_is_written(
     assert "all parameters are right" not in out
 
 
-def test_what_it_keeps_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_it_keeps_is_refused(capsys) -> None:
     peer = Peer(**right("px4") | {"SYS_HAS_GPS": 1})
     peer.frozen.add("SYS_HAS_GPS")
     assert not Table(peer).set_up(write=True)
@@ -181,9 +177,7 @@ def test_what_it_keeps_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert "\nrefused: SYS_HAS_GPS. " in out
 
 
-def test_what_is_dangerous_and_not_ours_to_choose_is_told(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_what_is_dangerous_and_not_ours_to_choose_is_told(capsys) -> None:
     peer = Peer(**right("px4") | {"NAV_DLL_ACT": 2})
     assert not Table(peer).set_up(write=True)
     assert "\nDANGER: NAV_DLL_ACT is 2: " in capsys.readouterr().out
@@ -195,7 +189,7 @@ def test_only_a_simulator_is_asked_for_what_only_it_has() -> None:
     assert not Table(Peer(**right("px4"))).set_up(simulator=True)
 
 
-def test_nothing_is_written_to_an_armed_vehicle(capsys: pytest.CaptureFixture[str]) -> None:
+def test_nothing_is_written_to_an_armed_vehicle(capsys) -> None:
     peer = Peer(**right("px4") | {"EKF2_EV_CTRL": 0})
     peer.armed = True
     assert not Table(peer).set_up(write=True)
@@ -209,24 +203,22 @@ def test_one_of_several_is_chosen_by_its_system() -> None:
     assert (one.writes, two.writes) == ([], ["EKF2_EV_CTRL"])
 
 
-def test_several_without_a_choice_are_named() -> None:
-    with pytest.raises(BadParameter, match="there are systems 1, 2"):
-        Table(Peer(1), Peer(2)).set_up()
-
-
-def test_another_firmware_is_not_touched() -> None:
-    with pytest.raises(BadParameter, match="system 1 is no px4: ardupilot, GUIDED, disarmed"):
-        Table(Peer(1, ARDUPILOT, VISO_TYPE=0)).set_up(write=True)
-
-
-def test_nobody_there_says_what_to_try() -> None:
-    with pytest.raises(DriverError, match=r"nothing is heard at udpin:127.0.0.1:14540; does the"):
-        Table().set_up()
-
-
-def test_somebody_else_there_is_named() -> None:
-    with pytest.raises(DriverError, match=r"system 3 is not heard at .*, but 1"):
-        Table(Peer(1), system=3).set_up()
+@pytest.mark.parametrize(
+    ("peers", "system", "error", "said"),
+    [
+        ([(1, PX4), (2, PX4)], None, BadParameter, "there are systems 1, 2"),
+        ([(1, ARDUPILOT)], None, BadParameter, "system 1 is no px4: ardupilot, GUIDED, disarmed"),
+        ([], None, DriverError, "nothing is heard at udpin:127.0.0.1:14540; does the"),
+        ([(1, PX4)], 3, DriverError, "system 3 is not heard at .*, but 1"),
+    ],
+)
+def test_whoever_else_is_there_is_named_and_not_touched(
+    peers: list[tuple[int, int]], system: int | None, error: type[Exception], said: str
+) -> None:
+    there = [Peer(number, autopilot, VISO_TYPE=0) for number, autopilot in peers]
+    with pytest.raises(error, match=said):
+        Table(*there, system=system).set_up(write=True)
+    assert all(peer.writes == [] for peer in there)
 
 
 def test_one_that_falls_silent_is_told() -> None:
@@ -236,7 +228,7 @@ def test_one_that_falls_silent_is_told() -> None:
         Table(peer, system=1).set_up("px4", write=True)
 
 
-def test_listening_names_all_and_what_they_say(capsys: pytest.CaptureFixture[str]) -> None:
+def test_listening_names_all_and_what_they_say(capsys) -> None:
     one, two, other = Peer(1), Peer(2, ARDUPILOT), Peer(3, 5)
     two.armed = True
     table = Table(one, two, other)

@@ -142,7 +142,24 @@ def phases(quick: str) -> list[Any]:
     return [pytest.param(p, marks=[pytest.mark.thorough] if p != quick else []) for p in PHASES]
 
 
-def lands(left: Left, phase: str) -> None:
+LANDS = {
+    signal.SIGINT: PHASES,
+    signal.SIGTERM: ("up", "go"),
+    signal.SIGHUP: ("hold", "down"),  # a closed terminal
+    signal.SIGQUIT: ("down", "hold"),
+}
+
+
+@pytest.mark.parametrize(
+    ("number", "phase"),
+    [
+        pytest.param(n, p, marks=[] if (n, p) == (signal.SIGINT, "go") else [pytest.mark.thorough])
+        for n, phases in LANDS.items()
+        for p in phases
+    ],
+)
+def test_a_signal_lands(signalled, number: int, phase: str):
+    left = signalled((PHASES[phase], number))
     assert left.code == 130
     assert left.summary["outcome"] == "interrupted"
     assert left.summary["vehicles"]["nano"]["final"] == "ground"
@@ -152,29 +169,6 @@ def lands(left: Left, phase: str) -> None:
     assert left.is_whole
     assert left.summary["recording"] is None
     assert left.recorded == pytest.approx(left.summary["sim_time_s"], abs=0.1)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("phase", ["up", "go"])
-def test_sigterm_lands(signalled, phase: str):
-    lands(signalled((PHASES[phase], signal.SIGTERM)), phase)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("phase", ["hold", "down"])
-def test_a_closed_terminal_lands(signalled, phase: str):
-    lands(signalled((PHASES[phase], signal.SIGHUP)), phase)
-
-
-@pytest.mark.parametrize("phase", phases(quick="go"))
-def test_ctrl_c_lands(signalled, phase: str):
-    lands(signalled((PHASES[phase], signal.SIGINT)), phase)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("phase", ["down", "hold"])
-def test_ctrl_backslash_lands(signalled, phase: str):
-    lands(signalled((PHASES[phase], signal.SIGQUIT)), phase)
 
 
 @pytest.mark.thorough

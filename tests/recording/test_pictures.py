@@ -107,10 +107,8 @@ def test_a_picture_says_what_its_pose_rests_on(looked):
     tags = grid(3, 1)
     corners = numpy.full((3, 4, 2), 20.0)
     keys = tuple((tag.family, tag.id) for tag in tags[:2])
-    views = [
-        TagView(CAMERA, tags, corners),
-        TagView(CAMERA._replace(name="front"), (), corners[:0]),
-    ]
+    front = TagView(CAMERA._replace(name="front"), (), corners[:0])
+    views = [TagView(CAMERA, tags, corners), front]
     located = Located(ZERO, LEVEL, numpy.eye(6), keys, 0.1, views)
     looked.at(1.5, located=located)
     looked.at(3.0)
@@ -131,8 +129,7 @@ def test_a_picture_that_cannot_be_written_is_told_and_no_half_of_it_stays(looked
     place = looked.folder.path / "frames/mk/tag_camera/down"
     place.mkdir(parents=True)
     (place / "0001.000s-no-pose.jpg").symlink_to("/dev/full")
-    with pytest.raises(
-        RunFolderError, match=r"0001\.000s-no-pose\.jpg` can't be written: No space"
-    ):
+    said = r"0001\.000s-no-pose\.jpg` can't be written: No space"
+    with pytest.raises(RunFolderError, match=said):
         looked.at(1.0)
     assert not list((looked.folder.path / "frames").rglob("*.jpg"))

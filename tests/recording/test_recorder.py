@@ -45,27 +45,22 @@ from kybflow.recording.run_folder import RunUnwritten
 from kybflow.report.data import read_moving
 from kybflow.world.shapes import MovingSphere
 
+TILTED = (0.5, 0.5, 0.5, -0.5)
 ESTIMATE = Estimate(
-    7,
-    (1.0, 2.0, 3.0),
-    (4.0, 5.0, 6.0),
-    (0.5, 0.5, 0.5, -0.5),
-    (7.0, 8.0, 9.0),
-    "mocap",
-    0.01,
-    0.002,
+    7, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), TILTED, (7.0, 8.0, 9.0), "mocap", 0.01, 0.002
 )
-WANTED = Setpoint(
-    SetpointKind.POSITION,
-    (1.5, 2.5, 3.5),
-    (0.1, 0.2, 0.3),
-    (0.4, 0.5, 0.6),
-    (0.7, 0.8, 0.9),
-    0.25,
-    -0.125,
-)
+MOVES = ((0.1, 0.2, 0.3), (0.4, 0.5, 0.6), (0.7, 0.8, 0.9))
+WANTED = Setpoint(SetpointKind.POSITION, (1.5, 2.5, 3.5), *MOVES, 0.25, -0.125)
 COMMAND = Command((1.0, 0.0, 0.0, 0.0), 10.25, (0.5, 0.25, 0.125), 0.75)
 TRUTH = Truth((1.1, 2.1, 3.1), (4.1, 5.1, 6.1), (1.0, 0.0, 0.0, 0.0), (7.1, 8.1, 9.1))
+MEASUREMENTS = [
+    Pose(10, (1.0, 2.0, 3.0), (0.0, 1.0, 0.0, 0.0)),
+    Battery(25, 0.75, 11.5),
+    Imu(28, 0.004, (0.1, 0.2, 9.8), (0.5, 0.25, 0.125)),
+    Odometry(25, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), LEVEL, (7.0, 8.0, 9.0), 0.5),
+    Payload(25, True, None),
+    Sticks(25, 0.1, -0.2, 0.3, 0.4, (1.0, -1.0)),
+]
 
 
 def fly(channel, now: Time) -> None:
@@ -75,6 +70,11 @@ def fly(channel, now: Time) -> None:
 def messages(path: Path, topic: str) -> list[Message]:
     with path.open("rb") as file:
         return [m for _, _, m in make_reader(file).iter_messages(topics=[topic])]
+
+
+def decoded(message: Message, kind: Any) -> Any:
+    """A message as it is read back."""
+    return np.frombuffer(message.data, np.dtype(dtype_spec(kind)))[0]
 
 
 def one_tick(
@@ -88,14 +88,24 @@ def one_tick(
     recorder.close()
     (message,) = messages(path, "/mk/tick")
     assert (message.log_time, message.publish_time) == (4_000_000, 4_000_000)
-    return np.frombuffer(message.data, np.dtype(dtype_spec("Tick")))[0]
+    return decoded(message, "Tick")
 
 
 def one_setpoint(path: Path, topic: str):
     """The only setpoint of a topic, as it is read back."""
     (message,) = messages(path, topic)
     assert message.log_time == 4_000_000
-    return np.frombuffer(message.data, np.dtype(dtype_spec("Setpoint")))[0]
+    return decoded(message, "Setpoint")
+
+
+def one_measurement(path: Path, measurement: Any) -> Any:
+    """A measurement as it is read back."""
+    recorder = Recorder(path, make_plan("mk", "nano"))
+    recorder.vehicle("nano").measurement(30, measurement)
+    recorder.close()
+    (message,) = messages(path, f"/nano/{type(measurement).__name__.lower()}")
+    assert message.log_time == 30
+    return decoded(message, type(measurement))
 
 
 def float32(values) -> tuple[float, ...]:
@@ -149,14 +159,8 @@ def test_a_tick_holds_every_value(tmp_path):
 
 def test_what_is_not_there_has_a_flag_and_zeros(tmp_path):
     command = Command(LEVEL, 0.0, REST, None, armed=False)
-    tick = one_tick(
-        tmp_path / "log.mcap",
-        estimate=None,
-        wanted=None,
-        setpoint=None,
-        command=command,
-        truth=None,
-    )
+    nothing = dict.fromkeys(("estimate", "wanted", "setpoint", "truth"))
+    tick = one_tick(tmp_path / "log.mcap", command=command, **nothing)
 
     assert not tick["estimate"]["present"]
     assert not tick["truth"]["present"]
@@ -213,17 +217,10 @@ def test_a_command_that_is_a_setpoint_is_recorded_with_it(tmp_path):
     assert messages(tmp_path / "plain.mcap", "/mk/command") == []
 
 
-def test_what_an_autopilot_believes_is_recorded(tmp_path):
-    path = tmp_path / "log.mcap"
-    recorder = Recorder(path, make_plan("mk"))
-    said = Odometry(25, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), LEVEL, (7.0, 8.0, 9.0), 0.5)
-    recorder.vehicle("mk").measurement(30, said)
-    recorder.close()
-    (message,) = messages(path, "/mk/odometry")
-    decoded = np.frombuffer(message.data, np.dtype(dtype_spec(Odometry)))[0]
-    assert (message.log_time, decoded["time"], decoded["spread"]) == (30, 25, 0.5)
-    for name in ("position", "velocity", "attitude", "angular_velocity"):
-        assert tuple(decoded[name]) == getattr(said, name)
+@pytest.mark.parametrize("measurement", MEASUREMENTS[:4], ids=lambda one: type(one).__name__)
+def test_a_measurement_is_recorded_as_it_arrives(tmp_path, measurement):
+    found = one_measurement(tmp_path / "log.mcap", measurement)
+    assert numbers(found) == numbers([value for value in measurement if value is not None])
 
 
 @pytest.mark.parametrize("switches", [(), (1.0, -1.0, 0.5), tuple(i / 64 for i in range(40))])
@@ -242,28 +239,11 @@ def test_what_a_pilot_holds_is_recorded(tmp_path, switches):
     assert tuple(said.switches) == (*switches[:32], *([0.0] * (32 - said.count)))
 
 
-def test_measurements_and_events_are_recorded_as_they_arrive(tmp_path):
+def test_an_event_is_recorded_as_it_arrives(tmp_path):
     path = tmp_path / "log.mcap"
     recorder = Recorder(path, make_plan("mk", "nano"))
-    recorder.vehicle("nano").measurement(20, Pose(10, (1.0, 2.0, 3.0), (0.0, 1.0, 0.0, 0.0)))
-    recorder.vehicle("mk").measurement(30, Battery(25, 0.75, 11.5))
-    recorder.vehicle("mk").measurement(30, Imu(28, 0.004, (0.1, 0.2, 9.8), (0.5, 0.25, 0.125)))
     recorder.event(Event(NS, "option_changed", "mk", {"option": "speed", "value": 0.5}, "m.yaml:3"))
     recorder.close()
-
-    (pose,) = messages(path, "/nano/pose")
-    decoded = np.frombuffer(pose.data, np.dtype(dtype_spec(Pose)))[0]
-    assert (pose.log_time, decoded["time"]) == (20, 10)
-    assert tuple(decoded["position"]) == (1.0, 2.0, 3.0)
-    assert tuple(decoded["attitude"]) == (0.0, 1.0, 0.0, 0.0)
-    (battery,) = messages(path, "/mk/battery")
-    decoded = np.frombuffer(battery.data, np.dtype(dtype_spec(Battery)))[0]
-    assert (battery.log_time, *decoded.tolist()) == (30, 25, 0.75, 11.5)
-    (imu,) = messages(path, "/mk/imu")
-    decoded = np.frombuffer(imu.data, np.dtype(dtype_spec(Imu)))[0]
-    assert (imu.log_time, decoded["time"], decoded["dt"]) == (30, 28, 0.004)
-    assert tuple(decoded["specific_force"]) == (0.1, 0.2, 9.8)
-    assert tuple(decoded["angular_velocity"]) == (0.5, 0.25, 0.125)
     (event,) = messages(path, "/events")
     assert event.log_time == NS
     assert json.loads(event.data) == {
@@ -279,13 +259,8 @@ def test_measurements_and_events_are_recorded_as_they_arrive(tmp_path):
     ("aboard", "known", "there"), [(True, True, True), (False, True, False), (None, False, False)]
 )
 def test_what_a_vehicle_says_of_its_payload_is_recorded(tmp_path, aboard, known, there):
-    path = tmp_path / "log.mcap"
-    recorder = Recorder(path, make_plan("mk"))
-    recorder.vehicle("mk").measurement(30, Payload(25, True, aboard))
-    recorder.close()
-    (said,) = messages(path, "/mk/payload")
-    decoded = np.frombuffer(said.data, np.dtype(dtype_spec(Payload)))[0]
-    assert (said.log_time, *decoded.tolist()) == (30, 25, True, known, there)
+    found = one_measurement(tmp_path / "log.mcap", Payload(25, True, aboard))
+    assert found.tolist() == (25, True, known, there)
 
 
 def test_each_estimator_is_recorded_fifty_times_a_second(tmp_path):
@@ -301,13 +276,13 @@ def test_each_estimator_is_recorded_fifty_times_a_second(tmp_path):
 
     first, *others = messages(tmp_path / "log.mcap", "/mk/estimator/mocap")
     assert [m.log_time for m in others] == [20_000_000, 40_000_000]
-    said = np.frombuffer(first.data, np.dtype(dtype_spec("Candidate")))[0]
+    said = decoded(first, "Candidate")
     assert (said["present"], said["usable"], said["used"]) == (True, True, True)
     assert tuple(said["position"]) == ESTIMATE.position
     assert tuple(said["attitude"]) == ESTIMATE.attitude
     assert (said["age"], said["spread"]) == (0.01, 0.002)
     none = messages(tmp_path / "log.mcap", "/mk/estimator/inertial")[0]
-    said = np.frombuffer(none.data, np.dtype(dtype_spec("Candidate")))[0]
+    said = decoded(none, "Candidate")
     assert (said["present"], said["usable"], said["used"]) == (False, False, False)
 
 
@@ -340,33 +315,23 @@ def test_a_ros_1_reader_decodes_every_message_by_the_schema_in_the_file(tmp_path
     channel = recorder.vehicle("mk")
     known = SimpleNamespace(name="mocap", estimate=ESTIMATE, is_usable=True)
     estimation = SimpleNamespace(candidates=[known], source="mocap")
-    kinds = [Pose, Battery, Imu, Odometry, Payload, Sticks]
-    heard = [
-        Pose(10, (1.0, 2.0, 3.0), LEVEL),
-        Battery(25, 0.75, 11.5),
-        Imu(28, 0.004, (0.1, 0.2, 9.8), (0.5, 0.25, 0.125)),
-        Odometry(25, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), LEVEL, (7.0, 8.0, 9.0), 0.5),
-        Payload(25, True, None),
-        Sticks(25, 0.1, -0.2, 0.3, 0.4, (1.0, -1.0)),
-    ]
     for now in range(0, 2 * NS, 4_000_000):
-        for measurement in heard:
+        for measurement in MEASUREMENTS:
             channel.measurement(now, measurement)
         command = COMMAND._replace(thrust=10.25 + now / NS, setpoint=WANTED)
         channel.tick(now, ESTIMATE, WANTED, None, command, TRUTH, estimation)
     recorder.close()
-    messages_of = {kind.__name__: kind for kind in kinds}
+    kinds = {type(one).__name__: type(one) for one in MEASUREMENTS}
     seen: dict[str, int] = {}
     with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[decoder.DecoderFactory()])
         for schema, found, message, said in reader.iter_decoded_messages():
             name = schema.name.removeprefix("kybflow/")
-            ours = np.frombuffer(message.data, np.dtype(dtype_spec(messages_of.get(name, name))))
-            assert numbers(said) == numbers(ours[0])
+            assert numbers(said) == numbers(decoded(message, kinds.get(name, name)))
             seen[found.topic] = seen.get(found.topic, 0) + 1
     assert seen == {
         **dict.fromkeys(("/mk/tick", "/mk/wanted", "/mk/command"), 500),
-        **{f"/mk/{kind.__name__.lower()}": 500 for kind in kinds},
+        **{f"/mk/{name.lower()}": 500 for name in kinds},
         "/mk/estimator/mocap": 100,
     }
 

@@ -44,10 +44,7 @@ def flight_from(
     mission: Path, out: Path, request: RunRequest = REQUEST, sets: tuple[str, ...] = ()
 ) -> Flown:
     plan = compiled(mission, sets=sets, warns=True)
-    return fly(
-        plan,
-        RunRequest(request.seed, out, None, request.options, request.emitted, sets),
-    )
+    return fly(plan, RunRequest(request.seed, out, None, request.options, request.emitted, sets))
 
 
 def recorded(folder: Path) -> list[tuple[str, int, Any]]:

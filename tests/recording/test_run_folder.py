@@ -1,8 +1,10 @@
-"""The folder of a run: where it is, what is in it, what it never overwrites."""
+"""The folder of a run: where it is, what is in it, what it never overwrites, and what others do to
+its growing files."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -14,7 +16,7 @@ from recorded_run import STARTED, make_plan
 from kybflow.api.flight import RunRequest
 from kybflow.core.signals import NS, Event
 from kybflow.dsl.plan import EstimatorPlan, SensorPlan
-from kybflow.recording.run_folder import RunFolderError, create_run_folder, provenance
+from kybflow.recording.run_folder import GrowingFile, RunFolderError, create_run_folder, provenance
 
 PLAN = make_plan("mk")
 
@@ -144,3 +146,48 @@ def test_provenance_says_what_the_run_was_made_of(tmp_path):
     resolved = (tmp_path / "mission.resolved.yaml").read_text(encoding="utf-8")
     assert resolved == PLAN.resolved
     assert json.loads((tmp_path / "summary.json").read_text(encoding="utf-8")) == {"kybflow": 1}
+
+
+def put_another(path: Path) -> None:
+    path.unlink()
+    path.write_bytes(b"onetwo")
+
+
+def shorten(path: Path) -> None:
+    with path.open("wb"):
+        pass
+
+
+def test_what_nobody_touches_is_whole(tmp_path: Path) -> None:
+    file = GrowingFile(tmp_path / "log", "recording")
+    assert [file.write(b"one"), file.write(b"two"), file.seek(0)] == [3, 3, 6]
+    file.check()
+    file.close()
+    file.close()
+    assert (file.failed, (tmp_path / "log").read_bytes()) == (None, b"onetwo")
+
+
+@pytest.mark.parametrize("notices", [GrowingFile.check, GrowingFile.close])
+@pytest.mark.parametrize(
+    ("loses", "words"),
+    [
+        (Path.unlink, "was removed or moved"),
+        (lambda path: path.rename(path.with_name("moved")), "was removed or moved"),
+        (put_another, "was replaced"),
+        (shorten, "has 3 bytes, but 6 were written"),
+    ],
+)
+def test_what_is_lost_is_told(
+    tmp_path: Path,
+    loses: Callable[[Path], object],
+    words: str,
+    notices: Callable[[GrowingFile], None],
+) -> None:
+    path = tmp_path / "log"
+    file = GrowingFile(path, "recording")
+    file.write(b"one")
+    loses(path)
+    file.write(b"two")
+    notices(file)
+    assert file.failed == f"the recording stopped: `{path}` {words}"
+    file.close()

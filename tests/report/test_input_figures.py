@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 from pathlib import Path
 
 import numpy as np
 import pytest
 from recorded_run import write_run
+from test_page import unpacked
 
 from kybflow.recording.run_folder import INPUTS, RunFolderError
 from kybflow.report.data import read_run
@@ -33,7 +33,7 @@ def test_the_axes_are_steps_and_a_lost_input_is_a_band(folder: Path) -> None:
     assert figure.title == "Input stick"
     x, z = figure.traces
     assert (x["name"], z["name"]) == ("x", "z")
-    time, drawn = (np.frombuffer(base64.b64decode(x[way]["bdata"]), "<f4") for way in "xy")
+    time, drawn = (unpacked(x[way]) for way in "xy")
     assert pytest.approx([0.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0, 6.0], abs=0.01) == time
     nothing = [np.nan, np.nan]
     assert pytest.approx([0.0, 0.0, 0.5, 0.5, 0.5, 0.5, *nothing], nan_ok=True) == drawn

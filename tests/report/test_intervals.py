@@ -16,13 +16,8 @@ from kybflow.report.timeline import narrow_labels, timeline
 
 
 def event(time, name, vehicle="mk", **fields):
-    return {
-        "t_s": time,
-        "event": name,
-        "vehicle": vehicle,
-        "at": "a/eight.yaml:7",
-        "fields": fields,
-    }
+    told = {"t_s": time, "event": name, "vehicle": vehicle, "fields": fields}
+    return {**told, "at": "a/eight.yaml:7"}
 
 
 TOLD = [

@@ -93,13 +93,10 @@ def test_a_fence_far_away_does_not_squash_the_path(recorded):
 def test_outlines_from_above():
     window = Extent(-3.0, -3.0, 3.0, 3.0)
     xs, ys = outline(Cylinder((1.0, 2.0, 0.0), 0.5, 1.0), window)
-    assert [hypot(x - 1.0, y - 2.0) for x, y in zip(xs, ys, strict=True)] == pytest.approx(
-        [0.5] * len(xs)
-    )
-    assert outline(Box((0.0, 1.0, 0.0), (2.0, 3.0, 1.0)), window) == (
-        [0.0, 2.0, 2.0, 0.0, 0.0],
-        [1.0, 1.0, 3.0, 3.0, 1.0],
-    )
+    radii = [hypot(x - 1.0, y - 2.0) for x, y in zip(xs, ys, strict=True)]
+    assert radii == pytest.approx([0.5] * len(xs))
+    box = ([0.0, 2.0, 2.0, 0.0, 0.0], [1.0, 1.0, 3.0, 3.0, 1.0])
+    assert outline(Box((0.0, 1.0, 0.0), (2.0, 3.0, 1.0)), window) == box
     xs, ys = outline(WORLD.obstacles["wall"], window)
     assert xs == pytest.approx([2.5] * 3)
     assert max(ys) > 3.0
@@ -158,11 +155,15 @@ def test_where_a_moving_obstacle_went_is_drawn_and_lies_in_the_picture(recorded)
     assert figure.layout["xaxis"]["range"][1] > 3.7
 
 
+def mark(recorded, name, event, **fields):
+    """The marker of an event at 6 s in the map."""
+    told = {"t_s": 6.0, "event": event, "vehicle": "mk", "at": "", "fields": fields}
+    [found] = [t for t in path_map(replace(recorded, events=[told])).traces if t["name"] == name]
+    return found
+
+
 def test_a_collision_is_marked_where_it_was(recorded):
-    hit = {"t_s": 6.0, "event": "collided", "vehicle": "mk", "at": "", "fields": {"into": "nano"}}
-    [cross] = [
-        t for t in path_map(replace(recorded, events=[hit])).traces if t["name"] == "collision"
-    ]
+    cross = mark(recorded, "collision", "collided", into="nano")
     mk = recorded.tracks[0]
     place = mk.position[(mk.time >= 6.0).argmax()]
     assert (cross["x"][0], cross["y"][0]) == pytest.approx(tuple(place[:2]), abs=0.02)
@@ -170,18 +171,10 @@ def test_a_collision_is_marked_where_it_was(recorded):
 
 
 def test_a_hard_landing_is_marked_with_its_speed(recorded):
-    fields = {"onto": "the floor", "speed": 1.624}
-    hit = {"t_s": 6.0, "event": "landed_hard", "vehicle": "mk", "at": "", "fields": fields}
-    [cross] = [
-        t for t in path_map(replace(recorded, events=[hit])).traces if t["name"] == "collision"
-    ]
+    cross = mark(recorded, "collision", "landed_hard", onto="the floor", speed=1.624)
     assert cross["text"] == ["mk landed hard (1.62 m/s) on the floor"]
 
 
 def test_a_payload_is_marked_where_it_came_to_rest(recorded):
-    place = {"x": 0.4, "y": -0.2, "z": 0.0}
-    fell = {"t_s": 6.0, "event": "payload_rested", "vehicle": "mk", "at": "", "fields": place}
-    [square] = [
-        t for t in path_map(replace(recorded, events=[fell])).traces if t["name"] == "payload"
-    ]
+    square = mark(recorded, "payload", "payload_rested", x=0.4, y=-0.2, z=0.0)
     assert (square["x"], square["y"], square["text"]) == ([0.4], [-0.2], ["the payload of mk"])

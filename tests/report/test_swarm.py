@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from test_page import unpacked
 
 from kybflow.report.data import MovingTrack, RecordedWorld, Run, StateVisit, Track
 from kybflow.report.figures import alarm_distances, least_separation, swarm_figures
@@ -33,10 +33,6 @@ def facts(**kept: float) -> dict[str, Any]:
     return {"keeps_apart": kept}
 
 
-def values(trace: dict[str, Any]) -> Any:
-    return np.frombuffer(base64.b64decode(trace["y"]["bdata"]), "<f4")
-
-
 def test_one_vehicle_has_no_such_figures() -> None:
     assert swarm_figures(recording_of(track("a", 0.0))) == []
 
@@ -45,7 +41,7 @@ def test_each_pair_has_its_distance_while_both_fly_and_the_bound_is_shown() -> N
     _, distances = swarm_figures(
         recording_of(track("a", 0.0), track("b", 1.0), track("c", 3.0, 5.0))
     )
-    curves = {trace["name"]: values(trace) for trace in distances.traces}
+    curves = {trace["name"]: unpacked(trace["y"]) for trace in distances.traces}
     assert list(curves) == ["a and b", "a and c", "b and c", "expected above 0.6 m"]
     assert curves["a and b"] == pytest.approx(np.ones(101))
     assert curves["b and c"][:51] == pytest.approx(np.full(51, 2.0))
@@ -65,7 +61,7 @@ def test_of_many_vehicles_each_has_its_distance_to_the_nearest() -> None:
     many = recording_of(*(track(f"v{n}", 2.0 * n) for n in range(10)))
     _, distances = swarm_figures(many)
     assert len(distances.traces) == 11
-    assert values(distances.traces[4]) == pytest.approx(np.full(101, 2.0))
+    assert unpacked(distances.traces[4]["y"]) == pytest.approx(np.full(101, 2.0))
 
 
 @pytest.mark.parametrize(

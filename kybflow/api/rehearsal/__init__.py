@@ -2,6 +2,5 @@
 can.
 
 `rehearse` flies the plan and formats the result; `person` gives the events that a person would
-give; `watch` makes the findings, with `arrivals` for its hints. The texts of findings are in
-`findings`.
+give; `watch` decides what is wrong; `findings` describes it.
 """

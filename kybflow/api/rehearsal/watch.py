@@ -12,8 +12,7 @@ from math import dist, inf
 from typing import NamedTuple
 
 from kybflow.api.rehearsal import findings
-from kybflow.api.rehearsal.arrivals import Arrivals
-from kybflow.api.rehearsal.findings import Arrival, Doing, Texts, Waiting, span_at
+from kybflow.api.rehearsal.findings import Arrival, Arrivals, Doing, Texts, Waiting, span_at
 from kybflow.core.geometry import Vec3, distance, least_distance, sub
 from kybflow.core.params import named_in
 from kybflow.core.signals import Event
@@ -263,11 +262,8 @@ class Watch:
         assert self._engine is not None
         flow = next(f for f in self._plan.flows if f.name == event.fields["flow"])
         phase = flow.phases[str(event.fields["phase"])]
-        limit = next((t.after for t in phase.transitions if t.cause == "within"), None)
         seconds = self._engine.seconds()
-        found = findings.phase_timed_out(
-            flow.name, phase.name, phase.at, limit, seconds, self._states(), self._texts
-        )
+        found = findings.phase_timed_out(flow.name, phase, seconds, self._states(), self._texts)
         self._add(found, flow.name, phase.name)
 
     def _preflight_failed(self, event: Event) -> None:

@@ -132,10 +132,8 @@ def described(situation: Mapping[str, Any]) -> Iterator[str]:
         if flow["waits_for"]:
             yield f"  waits for {', '.join(flow['waits_for'])}"
     if emit := situation["emit"]:
-        waits = (
-            f"{name}{'' if now else ' (nothing waits for it now)'}" for name, now in emit.items()
-        )
-        yield f"events to emit: {', '.join(waits)}"
+        idle = {True: "", False: " (nothing waits for it now)"}
+        yield f"events to emit: {', '.join(name + idle[now] for name, now in emit.items())}"
 
 
 _HELD = {

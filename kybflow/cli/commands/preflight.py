@@ -60,16 +60,10 @@ def command(
 def table(lines: Sequence[PreflightResult]) -> list[str]:
     """Format the results as columns: red or green, vehicle, check, reason and mission line. A table
     in a reason follows below its line."""
-    rows = [
-        (
-            "green" if line.green else "RED  ",
-            line.vehicle,
-            line.check,
-            headline(line.reason) + (f"  [{line.at}]" if line.at else ""),
-        )
-        for line in lines
-    ]
-    found = []
+    found, rows = [], []
+    for line in lines:
+        reason = headline(line.reason) + (f"  [{line.at}]" if line.at else "")
+        rows.append(("green" if line.green else "RED  ", line.vehicle, line.check, reason))
     for line, row, text in zip(lines, rows, columns(rows), strict=True):
         margin = " " * (len(text) - len(row[-1])) + INDENT
         found += [text, *(f"{margin}{detail}" for detail in details(line.reason))]

@@ -10,22 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Exit, Option
 
-from kybflow.cli.arguments import (
-    Change,
-    Changes,
-    Emits,
-    Emitted,
-    Out,
-    Seed,
-    Sets,
-    Target,
-    WrongUsage,
-    change,
-    compiled,
-    emitted,
-    failing,
-    refusing,
-)
+from kybflow.cli import arguments
 from kybflow.cli.output import console, echo, printer
 from kybflow.core.errors import FAILED, INTERRUPTED, INVALID, KybflowError
 
@@ -42,13 +27,13 @@ if TYPE_CHECKING:
 def command(
     mission: Annotated[Path, Argument(help="The mission to fly.")],
     *,
-    target: Target = None,
-    sets: Sets,
-    seed: Seed = 0,
-    out: Out = None,
+    target: arguments.Target = None,
+    sets: arguments.Sets,
+    seed: arguments.Seed = 0,
+    out: arguments.Out = None,
     speed: Annotated[float | None, Option(min=0.01, help="Pace; 1 is real time.")] = None,
-    options: Changes,
-    emits: Emits,
+    options: arguments.Changes,
+    emits: arguments.Emits,
     again: Annotated[Path | None, Option(metavar="RUN", help="Repeat this earlier run.")] = None,
     live: Annotated[bool, Option("--live", help="Show the simulation in a window.")] = False,
     plain: Annotated[
@@ -93,14 +78,15 @@ def command(
 
         if target or seed or sets or options or emits:
             asked = "target, seed, --set, --option and --emit"
-            raise WrongUsage(f"--again takes {asked} from the earlier run")
-        with refusing("--again", RunFolderError):
+            raise arguments.WrongUsage(f"--again takes {asked} from the earlier run")
+        with arguments.refusing("--again", RunFolderError):
             earlier = read_earlier_run(again)
         target, seed, given, inputs = earlier.target, earlier.seed, earlier.commands, earlier.inputs
         is_resolved = mission.resolve().parent == again.resolve()
         sets = [] if is_resolved else [*earlier.sets]
-        options, emits = [*map(change, earlier.options)], [*map(emitted, earlier.emits)]
-    plan, result = compiled(mission, target, sets)
+        options = [*map(arguments.change, earlier.options)]
+        emits = [*map(arguments.emitted, earlier.emits)]
+    plan, result = arguments.compiled(mission, target, sets)
     skips = rehearses is False and not plan.simulated
     if rehearses or not (plan.simulated or skips):
         _rehearse(plan, result, emits, options)
@@ -111,12 +97,15 @@ def command(
 
 
 def _rehearse(
-    plan: Plan, result: Result, emits: Sequence[Emitted], options: Sequence[Change]
+    plan: Plan,
+    result: Result,
+    emits: Sequence[arguments.Emitted],
+    options: Sequence[arguments.Change],
 ) -> None:
     """Rehearse a plan and print the findings. Exits with INVALID if one is an error."""
     from kybflow.api.rehearsal.rehearse import rehearse, reports
 
-    with failing(INVALID, KybflowError):
+    with arguments.failing(INVALID, KybflowError):
         rehearsal = rehearse(plan, emits, options, result.texts)
     for text in reports(rehearsal, result.texts):
         echo(text, err=True)

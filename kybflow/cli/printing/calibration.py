@@ -33,9 +33,7 @@ _METRES = frozenset({"survey", "reference position"})
 _SURE = 4.0
 """Standard deviations of the prior above which a correction is reported as doubtful."""
 _AMISS = {
-    "focal": "is it this camera?",
-    "centre": "is it this camera?",
-    "k1": "is it this camera?",
+    **dict.fromkeys(("focal", "centre", "k1"), "is it this camera?"),
     "mount position": "are the poses those of this body?",
     "mount attitude": "are the poses those of this body, and `facing` as it is?",
 }

@@ -71,13 +71,7 @@ def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
 def progress(console: Console, total: int) -> Iterator[Callable[[FlightResult], None]]:
     """Show a progress bar on a terminal. Yield the function to call after each flight; it prints
     failures even if there is no bar."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-    )
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     def show(text: str) -> None:
         console.print(text, markup=False, soft_wrap=True)

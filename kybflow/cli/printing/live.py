@@ -63,11 +63,14 @@ class LivePanel:
             self._draw()
 
     def _draw(self, refresh: bool = True) -> None:
-        engine = self._engine
-        if engine is None:
-            return
-        self._drawn = time.monotonic()
-        seconds, wall = engine.seconds(), self._drawn - self._began
+        if self._engine is not None:
+            self._drawn = time.monotonic()
+            drawing = self.drawing(self._engine, self._drawn - self._began)
+            self._live.update(drawing, refresh=refresh)
+
+    def drawing(self, engine: Engine, wall: float) -> Group:
+        """Return the table, keys and events, `wall` seconds after the beginning."""
+        seconds = engine.seconds()
         table = Table(title=f"{engine.plan.mission}   {seconds:.1f} s   {seconds / wall:.1f} x")
         several = len(engine.vehicles) > 1
         headings = ("vehicle", "behavior", "estimator", "battery", "position error", "height")
@@ -80,12 +83,12 @@ class LivePanel:
         if (person := self.commander) is not None:
             person.update(engine.commander.situation(engine.clock.now, flying=engine.flying))
             if person.offers:
-                lines = _FRAME + len(engine.vehicles) + len(below) + _LEAST_EVENTS
-                room = self._console.height - lines
-                keys = keys_drawn(person.offers, person.message, self._console.width, room)
+                width, height = self._console.size
+                room = height - _FRAME - len(engine.vehicles) - len(below) - _LEAST_EVENTS
+                keys = keys_drawn(person.offers, person.message, width, room)
         cut = (Text(line, no_wrap=True, overflow="ellipsis") for line in below)
         events = (Text(line, no_wrap=True, overflow="ellipsis") for line in self._events)
-        self._live.update(Group(table, *cut, *keys, *events), refresh=refresh)
+        return Group(table, *cut, *keys, *events)
 
 
 def _row(vehicle: Vehicle, engine: Engine) -> list[str]:
@@ -113,13 +116,9 @@ def _row(vehicle: Vehicle, engine: Engine) -> list[str]:
 
 def _below(engine: Engine) -> Iterator[str]:
     """Yield a line with the phases of active flows, and one with what vehicles wait for."""
-    running = (engine.flows.running(flow.name) for flow in engine.plan.flows)
-    phases = [
-        f"{one.plan.name} {one.phase.name} {(engine.clock.now - one.entered) / NS:.0f} s"
-        for one in running
-        if one.active
-    ]
-    if phases:
+    running = [engine.flows.running(flow.name) for flow in engine.plan.flows]
+    active = [(one, (engine.clock.now - one.entered) / NS) for one in running if one.active]
+    if phases := [f"{one.plan.name} {one.phase.name} {t:.0f} s" for one, t in active]:
         yield f"phases     {'   '.join(phases)}"
     free = [vehicle for vehicle in engine.vehicles if vehicle.runner.hold is None]
     waits = ((vehicle.runner.behavior.waits_for, vehicle.name) for vehicle in free)

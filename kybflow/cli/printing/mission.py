@@ -9,37 +9,17 @@ from kybflow.cli.output import columns, grouped
 from kybflow.core.geometry import Vec3
 from kybflow.core.params import fields_of
 from kybflow.core.units import DURATION, LENGTH, MASS, format_quantity
+from kybflow.dsl import plan as plans
 from kybflow.dsl.expressions import describe
 from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.graph.drawing import cause_of
-from kybflow.dsl.plan import (
-    ActionPlan,
-    Call,
-    CallbackPlan,
-    Emit,
-    Enable,
-    EnterPhase,
-    FaultPlan,
-    FlowPlan,
-    InputPlan,
-    LogText,
-    Parameter,
-    Perform,
-    Plan,
-    SetOption,
-    Stop,
-    Switch,
-    TransitionPlan,
-    Values,
-    VehiclePlan,
-)
 from kybflow.dsl.reading.values import shown_value
 from kybflow.dsl.resolving.parameters import shown_parameter
 from kybflow.flight.loops.design import margins_of
 from kybflow.flight.loops.margins import in_words
 
 
-def show_mission(plan: Plan, parameters: Mapping[str, Parameter]) -> str:
+def show_mission(plan: plans.Plan, parameters: Mapping[str, plans.Parameter]) -> str:
     """Summarise a mission: its parameters, its vehicles with their states, then everything else."""
     lines = [f"{plan.mission}, on {plan.target}", *filter(None, [plan.summary])]
     if parameters:
@@ -63,7 +43,7 @@ def show_mission(plan: Plan, parameters: Mapping[str, Parameter]) -> str:
     return "\n".join(lines)
 
 
-def _vehicle(vehicle: VehiclePlan, period: float) -> Iterator[str]:
+def _vehicle(vehicle: plans.VehiclePlan, period: float) -> Iterator[str]:
     mass = format_quantity(vehicle.airframe.mass, MASS)
     size = format_quantity(vehicle.airframe.diameter, LENGTH)
     yield f"{vehicle.name} ({mass}, {size} across)"
@@ -92,7 +72,7 @@ def _vehicle(vehicle: VehiclePlan, period: float) -> Iterator[str]:
     yield from columns(rows, "  ")
 
 
-def _loop(vehicle: VehiclePlan, period: float) -> Iterator[str]:
+def _loop(vehicle: plans.VehiclePlan, period: float) -> Iterator[str]:
     """Yield the gains and the stability margins of the position loop, if they are known."""
     driver, tracker, airframe = vehicle.driver, vehicle.tracker, vehicle.airframe
     inner = driver.cls.inner_loop(driver.params, airframe)
@@ -109,13 +89,13 @@ def _loop(vehicle: VehiclePlan, period: float) -> Iterator[str]:
         yield f"  margins    {in_words(margins_of(outer, inner)).replace(' margin', '')}{about}"
 
 
-def _ways(transitions: Iterable[TransitionPlan]) -> str:
+def _ways(transitions: Iterable[plans.TransitionPlan]) -> str:
     """Return the declared transitions in brackets; empty if there are none."""
     ways = "; ".join(f"{cause_of(way)}: {way.target}" for way in transitions if not way.implied)
     return f" ({ways})" if ways else ""
 
 
-def _world(plan: Plan) -> Iterator[str]:
+def _world(plan: plans.Plan) -> Iterator[str]:
     if plan.fence is not None:
         yield f"fence from {_point(plan.fence.low)} to {_point(plan.fence.high)}"
     for name, shape in plan.obstacles.items():
@@ -133,7 +113,7 @@ def _point(point: Vec3) -> str:
     return f"[{', '.join(f'{value:.4g}' for value in point)}] m"
 
 
-def _input(own: InputPlan) -> str:
+def _input(own: plans.InputPlan) -> str:
     """Format an input, such as `stick: gamepad (a is take; dead man: right_shoulder)`."""
     renamed = [f"{button} is {name}" for button, name in own.button_names.items() if button != name]
     held = [] if own.dead_man is None else [f"dead man: {own.dead_man}"]
@@ -141,7 +121,7 @@ def _input(own: InputPlan) -> str:
     return f"{own.name}: {own.part.name}" + (f" ({known})" if known else "")
 
 
-def _flow(flow: FlowPlan, groups: dict[str, tuple[str, ...]]) -> tuple[str, list[str]]:
+def _flow(flow: plans.FlowPlan, groups: dict[str, tuple[str, ...]]) -> tuple[str, list[str]]:
     """Return the heading of a flow, and a line per phase: the states, options and vehicles that it
     sets, and its transitions."""
     rows, names = [], {of: name for name, of in groups.items()}
@@ -159,7 +139,7 @@ def _flow(flow: FlowPlan, groups: dict[str, tuple[str, ...]]) -> tuple[str, list
     return f"flow {flow.name} (drives {drives}; begins with {flow.begin})", columns(rows)
 
 
-def _goal(state: str, values: Values) -> str:
+def _goal(state: str, values: plans.Values) -> str:
     """Return a state with the values with which it is entered (SI)."""
     shown = ", ".join(f"{name} {_number(value)}" for name, value in values)
     return f"{state} with {shown}" if shown else state
@@ -172,7 +152,7 @@ def _number(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def _callback(callback: CallbackPlan) -> str:
+def _callback(callback: plans.CallbackPlan) -> str:
     """Format a callback, such as `d.battery_low, when elapsed > 3 s: stop`."""
     whose = ", ".join(filter(None, callback.vehicles))
     words = [f"{whose}.{callback.event}" if whose else callback.event] if callback.event else []
@@ -183,31 +163,31 @@ def _callback(callback: CallbackPlan) -> str:
     return f"{', '.join(words)}: {'; '.join(map(_action, callback.actions))}"
 
 
-def _action(action: ActionPlan) -> str:
+def _action(action: plans.ActionPlan) -> str:
     words = ""
     match action:
-        case Switch(vehicle, state, values):
+        case plans.Switch(vehicle, state, values):
             words = f"switch {vehicle} to {_goal(state, values)}"
-        case Enable(vehicle, label, on):
+        case plans.Enable(vehicle, label, on):
             words = f"{'enable' if on else 'disable'} {label} of {vehicle}"
-        case Perform(vehicle, act):
+        case plans.Perform(vehicle, act):
             words = f"let {vehicle} perform {act}"
-        case SetOption(option, value):
+        case plans.SetOption(option, value):
             words = f"set {option} to {_number(value)}"
-        case Emit(name):
+        case plans.Emit(name):
             words = f"emit {name}"
-        case EnterPhase(flow, phase):
+        case plans.EnterPhase(flow, phase):
             words = f"enter {phase} of {flow}"
-        case LogText(text):
+        case plans.LogText(text):
             words = f"log `{text}`"
-        case Call(part):
+        case plans.Call(part):
             words = f"call {part.name}"
-        case Stop(reason):
+        case plans.Stop(reason):
             words = f"stop: {reason}"
     return words
 
 
-def _fault(fault: FaultPlan) -> str:
+def _fault(fault: plans.FaultPlan) -> str:
     """Format a fault, such as `wind on mk, when behavior == square, for 3 s`."""
     words = [f"{fault.part.name} on {fault.vehicle}"]
     if fault.time is not None:

@@ -10,16 +10,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
 
-from kybflow.api.library import (
-    OWN,
-    Shipped,
-    hollow,
-    imports_of,
-    libraries,
-    missions,
-    read_file,
-    text_of,
-)
+from kybflow.api import library
 from kybflow.cli.output import columns, grouped
 from kybflow.core import units
 from kybflow.core.errors import KybflowError
@@ -169,15 +160,16 @@ _MOST_FILES = 200
 
 def list_shipped() -> str:
     """List every library with its entries, then every mission."""
-    blocks = ["\n".join(_contents(one)) for one in libraries()]
-    shipped = missions()
+    blocks = ["\n".join(_contents(one)) for one in library.libraries()]
+    shipped = library.missions()
     rows = map(str.rstrip, columns([(one.name, one.summary) for one in shipped], indent="  "))
     heading = "missions, for `kybflow new NAME --from`"
-    missing = [f"{name}: installed without its YAML files ({_INSTALL})" for name in hollow()]
+    why = f"installed without its YAML files ({_INSTALL})"
+    missing = [f"{name}: {why}" for name in library.hollow()]
     return "\n\n".join([*blocks, "\n".join((heading, *rows)), *missing])
 
 
-def _contents(one: Shipped) -> Iterator[str]:
+def _contents(one: library.Shipped) -> Iterator[str]:
     """Yield a line with a file's name and summary, then a line per section with its entries."""
     yield f"{one.name}  {one.summary}".rstrip()
     entries = one.entries()
@@ -195,7 +187,7 @@ def _signature(node: Node) -> str:
     shown = []
     for name, entry in parameters.items():
         body = entry.value if isinstance(entry.value, Mapping) else None
-        default = text_of(body.get("default")) if body else ""
+        default = library.text_of(body.get("default")) if body else ""
         shown.append(f"{name} = {default}" if default else name)
     return f"({', '.join(shown)})" if shown else ""
 
@@ -203,19 +195,19 @@ def _signature(node: Node) -> str:
 def show_shipped(name: str) -> str | None:
     """Return the text of the file called `name`, or of every entry with that name; None if there is
     none."""
-    for one in (*libraries(), *missions()):
-        if name in (one.name, one.name.removeprefix(f"{OWN}/")):
+    for one in (*library.libraries(), *library.missions()):
+        if name in (one.name, one.name.removeprefix(f"{library.OWN}/")):
             return f"# {one.path}\n{one.source.text}".rstrip()
     found = [
         _entry_text(one, section, entry)
-        for one in libraries()
+        for one in library.libraries()
         for section, own, entry in one.entries()
         if name in (own, f"{one.name}.{own}")
     ]
     return "\n\n".join(found) or None
 
 
-def _entry_text(one: Shipped, section: str, entry: MappingEntry) -> str:
+def _entry_text(one: library.Shipped, section: str, entry: MappingEntry) -> str:
     """Return the lines of an entry. It ends where the YAML indentation does."""
     key = entry.key.span
     first, *rest = one.source.text.split("\n")[key.line - 1 : entry.value.span.end_line]
@@ -225,19 +217,19 @@ def _entry_text(one: Shipped, section: str, entry: MappingEntry) -> str:
 
 
 def known_names() -> list[str]:
-    known = [one.name for one in (*libraries(), *missions())]
-    return known + [own for one in libraries() for _, own, _ in one.entries()]
+    known = [one.name for one in (*library.libraries(), *library.missions())]
+    return known + [own for one in library.libraries() for _, own, _ in one.entries()]
 
 
 def show_file(path: Path) -> str:
     """List the entries of the file at `path` and of its imports. Raises KybflowError."""
-    one = read_file(str(path), path)
+    one = library.read_file(str(path), path)
     if one.root is None:
         first = next(iter(one.source.found), None)
         texts = {one.source.file: one.source.text}
         raise KybflowError(render(first, texts) if first else f"`{path}` is no mission or library")
     blocks = ["\n".join(_contents(one))]
-    for own in imports_of(one):
+    for own in library.imports_of(one):
         heading = f"import {own.name}, {own.written}"
         if own.library is None:
             blocks.append(f"{heading}: no such library")
@@ -253,15 +245,15 @@ def show_import(name: str) -> str | None:
     ones; None if no mission has it."""
     alias, _, inner = name.partition(".")
     files = sorted(itertools.islice(Path().glob("*.yaml"), _MOST_FILES))
-    here = (read_file(str(path), path) for path in files)
-    for mission in itertools.chain(here, missions()):
-        library = next((i.library for i in imports_of(mission) if i.name == alias), None)
-        if library is None:
+    here = (library.read_file(str(path), path) for path in files)
+    for mission in itertools.chain(here, library.missions()):
+        own = next((i.library for i in library.imports_of(mission) if i.name == alias), None)
+        if own is None:
             continue
         if not inner:
             what = f"# `{alias}` in {mission.path.name}"
-            return "\n".join([what, *_contents(library)])
-        found = [_entry_text(library, s, e) for s, own, e in library.entries() if own == inner]
+            return "\n".join([what, *_contents(own)])
+        found = [_entry_text(own, s, e) for s, name, e in own.entries() if name == inner]
         if found:
             return "\n\n".join(found)
     return None

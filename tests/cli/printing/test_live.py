@@ -28,20 +28,15 @@ def member(name: str, start: float, come_after: float) -> Any:
 @pytest.mark.thorough
 @pytest.mark.parametrize("width", [80, 120])
 def test_it_shows_the_phase_what_is_waited_for_and_who_is_nearest(run: Any, width: int) -> None:
-    phase = PhasePlan(
-        name="launch",
-        run={"a": Request("up"), "b": Request("up")},
-        give={},
-        options=(),
-        transitions=(),
-    )
+    requests = {"a": Request("up"), "b": Request("up")}
+    phase = PhasePlan(name="launch", run=requests, give={}, options=(), transitions=())
     flow = FlowPlan(name="team", begin="launch", vehicles=("a", "b"), phases={"launch": phase})
     shown: list[str] = []
 
     def sees(engine: Any) -> None:
         file = StringIO()
         console = Console(file=file, width=width)
-        console.print(LivePanel(console)._drawing(engine, 1.0))
+        console.print(LivePanel(console).drawing(engine, 1.0))
         shown.append(file.getvalue())
 
     pair = (member("a", -0.5, 0.1), member("b", 0.5, 2.0))

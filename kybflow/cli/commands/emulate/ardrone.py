@@ -9,23 +9,15 @@ from typing import Annotated
 from typer import Option
 
 from kybflow.cli.arguments import Seed, failing
-from kybflow.cli.commands.emulate.serving import (
-    Count,
-    Mission,
-    Pace,
-    breaks_of,
-    fails,
-    seats_for,
-    served,
-)
+from kybflow.cli.commands.emulate import serving
 from kybflow.cli.output import echo
 from kybflow.core.errors import DRIVER_FAILED
 
 
 def command(
     *,
-    mission: Mission = None,
-    count: Count = 1,
+    mission: serving.Mission = None,
+    count: serving.Count = 1,
     host: Annotated[str, Option(help="The first drone's loopback address.")] = "127.0.0.2",
     latency: Annotated[float, Option(min=0.0, max=1.0, help="Delay of a datagram, seconds.")] = 0.0,
     jitter: Annotated[
@@ -33,11 +25,8 @@ def command(
     ] = 0.0,
     loss: Annotated[float, Option(min=0.0, max=0.9, help="Share of lost datagrams.")] = 0.0,
     video: Annotated[bool, Option("--video", help="Send camera images.")] = False,
-    fail: Annotated[
-        list[str],
-        fails("silent, deaf, drop, battery, cutout, heal"),
-    ],
-    speed: Pace = 1.0,
+    fail: Annotated[list[str], serving.fails("silent, deaf, drop, battery, cutout, heal")],
+    speed: serving.Pace = 1.0,
     seed: Seed = 0,
 ) -> None:
     """Emulate AR.Drones 2.0 on simulated vehicles until Ctrl-C.
@@ -65,8 +54,8 @@ def command(
         echo(f"{seconds:.1f} s: {name} is {phase}")
         sys.stdout.flush()
 
-    breaks = breaks_of(fail, DroneFailures)
-    seats = seats_for(mission, "emulated_ardrone", "ardrone", count)
+    breaks = serving.breaks_of(fail, DroneFailures)
+    seats = serving.seats_for(mission, "emulated_ardrone", "ardrone", count)
     radio = Radio(latency, jitter, loss)
     with (
         failing(DRIVER_FAILED, DriverError),
@@ -75,7 +64,7 @@ def command(
         names = [seat.context.vehicle for seat in seats]
         for name, member in zip(names, fleet.members, strict=True):
             member.onboard.on_phase = partial(show_phase, name)
-        served(fleet, breaks, speed)
+        serving.served(fleet, breaks, speed)
         for name, member in zip(names, fleet.members, strict=True):
             if ignored := member.onboard.drone.ignored:
                 reasons = ", ".join(f"{count} {reason}" for reason, count in ignored.most_common())

@@ -8,15 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 from typer import BadParameter, Option
 
 from kybflow.cli.arguments import Seed, failing, refusing, repeated
-from kybflow.cli.commands.emulate.serving import (
-    Count,
-    Mission,
-    Pace,
-    breaks_of,
-    fails,
-    seats_for,
-    served,
-)
+from kybflow.cli.commands.emulate import serving
 from kybflow.cli.output import echo
 from kybflow.core.errors import DRIVER_FAILED
 from kybflow.drivers import firmware_names
@@ -46,11 +38,11 @@ def setting(text: str) -> AutopilotParameter:
 def command(
     *,
     vehicle: Annotated[Firmware, Option(help="The firmware to emulate.")],
-    mission: Mission = None,
+    mission: serving.Mission = None,
     airframe: Annotated[
         str, Option(help="An airframe of the standard library, without a mission.")
     ] = "mk_quadro",
-    count: Count = 1,
+    count: serving.Count = 1,
     address: Annotated[list[str], repeated("--address", help="Its address; can be repeated.")],
     system: Annotated[int, Option(min=1, max=200, help="The first system id.")] = 1,
     gps: Annotated[
@@ -68,9 +60,9 @@ def command(
     key: Annotated[Path | None, Option(help="File with the secret of signed messages.")] = None,
     fail: Annotated[
         list[str],
-        fails("silent, deaf, blind, battery, refuse, bar, drop, tilt, pilot, heal"),
+        serving.fails("silent, deaf, blind, battery, refuse, bar, drop, tilt, pilot, heal"),
     ],
-    speed: Pace = 1.0,
+    speed: serving.Pace = 1.0,
     seed: Seed = 0,
 ) -> None:
     """Emulate autopilots on simulated vehicles until Ctrl-C.
@@ -99,10 +91,10 @@ def command(
     def started(name: str, number: int, addresses: list[str]) -> None:
         echo(f"{name} ({vehicle}, system {number}) is at {', '.join(addresses)}; Ctrl-C ends it")
 
-    breaks = breaks_of(fail, AutopilotFailures)
+    breaks = serving.breaks_of(fail, AutopilotFailures)
     with refusing("--key", DriverError):
         secret = None if key is None else read_key(key)
-    seats = seats_for(mission, "emulated_autopilot", airframe, count)
+    seats = serving.seats_for(mission, "emulated_autopilot", airframe, count)
     with refusing("--address", DriverError):
         for place in address:
             read_address(place)
@@ -111,4 +103,4 @@ def command(
 
         setup = SetupPlan(vehicle, not gps, not gps, own_system, dict(param))
         with autopilots(seats, setup, Wires(address, system, secret), seed, started) as fleet:
-            served(fleet, breaks, speed)
+            serving.served(fleet, breaks, speed)
