@@ -170,7 +170,7 @@ def serve(
 def publish_at_rest(places: dict[str, Vec3], server: Server, seed: int) -> NoReturn:
     """Publish the poses of bodies at rest until a KeyboardInterrupt, with the default noise of the
     simulator's motion capture. Raises CodecError if VRPN can't send a name."""
-    from kybflow.sensors.vrpn.publishing import PoseNoise, still, to
+    from kybflow.sensors.vrpn.server import PoseNoise, still, to
 
     sim = load_catalog().get("drivers", "sim").params()
     noise = PoseNoise(sim.mocap_position_noise, sim.mocap_attitude_noise)

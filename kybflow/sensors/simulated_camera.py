@@ -79,23 +79,14 @@ class SimulatedCamera(Sensor[SimulatedCameraParams]):
         if not (is_calm(link) if params.calm is None else params.calm):
             setup = miscalibrated(setup, params, seed)
         room = Room(setup.tags, params, seed, context.obstacles, side)
-        times = Times(round(params.latency * NS), round(setup.stamps * NS))
-        return Frames(room, setup.cameras, link, times, side)
-
-
-class Times(NamedTuple):
-    """The times of frames. latency: from the middle of a frame's exposure to its arrival. late:
-    error of the frame's time stamp."""
-
-    latency: Time
-    late: Time = 0
+        latency, late = round(params.latency * NS), round(setup.stamps * NS)
+        return Frames(room, setup.cameras, link, latency, late, side)
 
 
 class _Exposure(NamedTuple):
     """A frame that has not arrived yet, with the body's state and the camera's faults at its
     exposure."""
 
-    arrival: Time
     time: Time
     camera: Camera
     body: Truth
@@ -104,17 +95,21 @@ class _Exposure(NamedTuple):
 
 class Frames(Stream):
     """The frames of a vehicle's cameras, with the link's faults at the time of their exposure. A
-    frame is drawn only when it is read. parcel: side of the payload, metres."""
+    frame is drawn only when it is read. latency: from the middle of a frame's exposure to its
+    arrival. late: error of the frames' time stamps. parcel: side of the payload, metres."""
 
     def __init__(
-        self, room: Room, cameras: Sequence[Camera], link: Link, times: Times, parcel: float = 0.0
+        self,
+        room: Room,
+        cameras: Sequence[Camera],
+        link: Link,
+        latency: Time,
+        late: Time,
+        parcel: float,
     ) -> None:
-        self._room = room
-        self._cameras = cameras
-        self._link = link
+        self._room, self._cameras, self._link = room, cameras, link
+        self._latency, self._late, self._parcel = latency, late, parcel
         self._view = view_source(link)
-        self._times = times
-        self._parcel = parcel
         self._counts = [0] * len(cameras)
         self._last: tuple[Time, Truth] | None = None
         self._taken: deque[_Exposure] = deque()
@@ -128,14 +123,14 @@ class Frames(Stream):
         self._take(now, truth)
         self._last = (now, truth)
         newest: dict[str, _Exposure] = {}
-        while self._taken and self._taken[0].arrival <= now:
+        while self._taken and self._taken[0].time + self._latency <= now:
             taken = self._taken.popleft()
             newest[taken.camera.name] = taken
         arrived: list[Measurement] = []
-        for _, time, camera, body, weakness in newest.values():
+        for time, camera, body, weakness in newest.values():
             seen_at = add(body.position, weakness.offset)
             image = self._room.draw(camera, body._replace(position=seen_at), weakness)
-            arrived.append(Frame(max(0, time + self._times.late), camera.name, image))
+            arrived.append(Frame(max(0, time + self._late), camera.name, image))
         faults = self._link.faults
         return arrived if faults is None else faults.filtered(arrived)
 
@@ -162,9 +157,9 @@ class Frames(Stream):
                 )
                 faults = self._link.faults
                 weakness = SOUND if faults is None else faults.camera
-                taken.append(_Exposure(at + self._times.latency, at, camera, body, weakness))
+                taken.append(_Exposure(at, camera, body, weakness))
                 self._counts[i] += 1
-        self._taken.extend(sorted(taken, key=lambda frame: frame.arrival))
+        self._taken.extend(sorted(taken, key=lambda frame: frame.time))
 
 
 def _with_visible_payload(body: Truth, side: float) -> Truth:

@@ -92,7 +92,20 @@ def read_tags(file: File) -> tuple[TagRow, ...]:
     first: dict[tuple[str, int], int] = {}
     rows: list[TagRow] = []
     for line, numbers, words in table.rows:
-        tag = _tag(line, numbers, words["family"])
+        family = words["family"]
+        if family not in FAMILIES:
+            message = f"`{family[:20]}` is no family of tags"
+            raise FileError(message, line, did_you_mean(family, FAMILIES))
+        number, most = numbers["id"], FAMILIES[family][1] - 1
+        if not (number.is_integer() and 0 <= number <= most):
+            message = f"{family} has no tag {number:g}"
+            raise FileError(message, line, f"its tags are 0 to {most}")
+        if not 0.0 < numbers["size"] <= LARGEST:
+            hint = "name the unit in the first line if it is no metres, like `size [cm]`"
+            raise FileError(f"`size` must be above 0 m and at most {LARGEST:g} m", line, hint)
+        turn = from_euler(numbers.get("roll", 0.0), numbers.get("pitch", 0.0), numbers["heading"])
+        at = numbers["x"], numbers["y"], numbers["z"]
+        tag = Tag(family, int(number), numbers["size"], at, turn)
         if tag.key in first:
             message = f"tag {tag.id} of {tag.family} is in line {first[tag.key]} already"
             raise FileError(message, line)
@@ -112,19 +125,3 @@ def write_tags(tags: Iterable[Tag]) -> str:
         turn = [f"{degrees(angle):.3f}" for angle in to_euler(tag.attitude)]
         rows.append(", ".join([tag.family, str(tag.id), f"{tag.size:g}", *place, *turn]))
     return "\n".join(rows) + "\n"
-
-
-def _tag(line: int, numbers: dict[str, float], family: str) -> Tag:
-    if family not in FAMILIES:
-        message = f"`{family[:20]}` is no family of tags"
-        raise FileError(message, line, did_you_mean(family, FAMILIES))
-    number, most = numbers["id"], FAMILIES[family][1] - 1
-    if not (number.is_integer() and 0 <= number <= most):
-        message = f"{family} has no tag {number:g}"
-        raise FileError(message, line, f"its tags are 0 to {most}")
-    if not 0.0 < numbers["size"] <= LARGEST:
-        hint = "name the unit in the first line if it is no metres, like `size [cm]`"
-        raise FileError(f"`size` must be above 0 m and at most {LARGEST:g} m", line, hint)
-    turn = from_euler(numbers.get("roll", 0.0), numbers.get("pitch", 0.0), numbers["heading"])
-    at = numbers["x"], numbers["y"], numbers["z"]
-    return Tag(family, int(number), numbers["size"], at, turn)

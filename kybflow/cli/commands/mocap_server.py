@@ -69,8 +69,7 @@ def command(
     from kybflow.api.flight import RunRequest
     from kybflow.cli.commands.run import fly_plan
     from kybflow.sensors.vrpn.codec import CodecError
-    from kybflow.sensors.vrpn.publishing import published, to
-    from kybflow.sensors.vrpn.server import Server
+    from kybflow.sensors.vrpn.server import Server, published, to
 
     plan = None if mission is None else compiled(mission, target, sets)[0]
     server = Server(host, port)

@@ -240,8 +240,9 @@ class SenderMessage(NamedTuple):
 
 
 class Peer:
-    """Decodes the messages from the other end and encodes those to it. datagrams_to: the address at
-    which the other end wants datagrams; None if unknown. senders: the other end's sender names by
+    """One end of a connection, without its socket: decodes the messages from the other end and
+    encodes those to it, with senders and types given by name. datagrams_to: the address at which
+    the other end wants datagrams; None if unknown. senders: the other end's sender names by
     number."""
 
     def __init__(self) -> None:

@@ -79,31 +79,22 @@ def recorded(path: Path, camera: Camera, most: int) -> WalkFrames:
 
 
 def _frames(path: Path, camera: Camera) -> Iterator[WalkFrame]:
-    images = _images(path) if path.is_dir() else _video(path)
-    return (WalkFrame(time, grey(image, camera)) for time, image in images)
-
-
-def _images(folder: Path) -> Iterator[tuple[float, NDArray[Any]]]:
-    for path in sorted(folder.iterdir()):
-        if path.suffix.lower() not in _IMAGES:
-            continue
-        image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-        if image is None:
-            raise CalibrationFailed(f"`{path}` is no image")
-        said = _SECONDS.match(path.stem)
-        yield float(said[0]) if said else nan, image
-
-
-def _video(path: Path) -> Iterator[tuple[float, NDArray[Any]]]:
+    if path.is_dir():
+        for file in sorted(path.iterdir()):
+            if file.suffix.lower() in _IMAGES:
+                image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+                if image is None:
+                    raise CalibrationFailed(f"`{file}` is no image")
+                said = _SECONDS.match(file.stem)
+                yield WalkFrame(float(said[0]) if said else nan, grey(image, camera))
+        return
     capture = cv2.VideoCapture(str(path))
     try:
         if not capture.isOpened():
             raise CalibrationFailed(f"`{path}` is no video")
-        while True:
-            found, image = capture.read()
-            if not found:
-                return
-            yield 1e-3 * capture.get(cv2.CAP_PROP_POS_MSEC), image
+        while (read := capture.read())[0]:
+            time = 1e-3 * capture.get(cv2.CAP_PROP_POS_MSEC)
+            yield WalkFrame(time, grey(read[1], camera))
     finally:
         capture.release()
 

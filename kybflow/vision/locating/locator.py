@@ -255,7 +255,10 @@ class Locator:
         located = locate([view for view, _ in views], pose, motion, self._survey)
         if located is None:
             return None, False
-        if off > _CLOSE and self._pixels(frames, pose, *_apart(pose, located[:2])) > _MOVED:
+        metres = float(numpy.linalg.norm(numpy.subtract(pose[0], located.position)))
+        cosine = abs(sum(a * b for a, b in zip(pose[1], located.attitude, strict=True)))
+        turn = 2.0 * max(0.0, 2.0 * (1.0 - min(1.0, cosine))) ** 0.5  # of small angles
+        if off > _CLOSE and self._pixels(frames, pose, metres, turn) > _MOVED:
             return self._searched(frames, located[:2], motion, _CLOSE)
         expected = sum(count for _, count in views)
         return located, len(located.used) >= max(min(_ENOUGH, expected), _SHARE * expected)
@@ -288,11 +291,3 @@ class Locator:
             height = optical_pose(camera, *pose)[0][2] - self._lowest
             most = max(most, camera.lens.fx * (metres / max(height, 0.05) + turn))
         return most
-
-
-def _apart(a: Start, b: Start) -> tuple[float, float]:
-    """Return the distance between two positions, metres, and the (small) angle between two
-    attitudes, radians."""
-    metres = float(numpy.linalg.norm(numpy.subtract(a[0], b[0])))
-    cosine = abs(sum(x * y for x, y in zip(a[1], b[1], strict=True)))
-    return metres, 2.0 * max(0.0, 2.0 * (1.0 - min(1.0, cosine))) ** 0.5

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy
 
 from kybflow.core.geometry import add, from_axes, from_heading, multiply
-from kybflow.vision.calibration.model import LENS, MOUNT, corrected_lens, mounting
+from kybflow.vision.calibration.model import corrected_lens, mounting
 from kybflow.world.cameras import CalibrationErrors, Camera, share_of
 from kybflow.world.tags import Tag, TagMap
 
@@ -29,32 +29,23 @@ class Setup(NamedTuple):
 def miscalibrated(believed: Setup, errors: CalibrationErrors, seed: int) -> Setup:
     """Return the true setup, given the assumed one."""
     stamps = random.Random(f"{seed}/stamps").gauss(0.0, errors.stamp_error)
-    return Setup(
-        TagMap(_displaced(tag, errors, seed) for tag in believed.tags),
-        tuple(_misaligned(camera, errors, seed) for camera in believed.cameras),
-        believed.stamps + stamps,
-    )
-
-
-def _displaced(tag: Tag, errors: CalibrationErrors, seed: int) -> Tag:
-    gauss = random.Random(f"{seed}/laid/{tag.family}/{tag.id}").gauss
-    share = share_of(tag.size)
-    across, up = share * errors.survey_error, share * errors.height_error
-    moved = gauss(0.0, across), gauss(0.0, across), gauss(0.0, up)
-    turned = from_heading(gauss(0.0, errors.survey_turn))
-    return tag._replace(position=add(tag.position, moved), attitude=multiply(turned, tag.attitude))
-
-
-def _misaligned(camera: Camera, errors: CalibrationErrors, seed: int) -> Camera:
-    gauss = random.Random(f"{seed}/mounted/{camera.name}").gauss
-    spreads = [errors.focal_error, 0.0, 0.0, errors.k1_error]
-    spreads += [errors.mount_error] * 3 + [errors.mount_misalignment] * 3
-    corrections = numpy.array([gauss(0.0, spread) for spread in spreads])
-    assert len(corrections) == LENS + MOUNT
-    position, turn = mounting(camera, corrections)
-    (mx, my, mz), (x, y, z) = position.tolist(), turn.T.tolist()
-    return camera._replace(
-        lens=corrected_lens(camera.lens, corrections),
-        position=(mx, my, mz),
-        attitude=from_axes(tuple(x), tuple(y), tuple(z)),
-    )
+    tags: list[Tag] = []
+    for tag in believed.tags:
+        gauss = random.Random(f"{seed}/laid/{tag.family}/{tag.id}").gauss
+        share = share_of(tag.size)
+        across, up = share * errors.survey_error, share * errors.height_error
+        at = add(tag.position, (gauss(0.0, across), gauss(0.0, across), gauss(0.0, up)))
+        turned = multiply(from_heading(gauss(0.0, errors.survey_turn)), tag.attitude)
+        tags.append(tag._replace(position=at, attitude=turned))
+    cameras: list[Camera] = []
+    for camera in believed.cameras:
+        gauss = random.Random(f"{seed}/mounted/{camera.name}").gauss
+        spreads = [errors.focal_error, 0.0, 0.0, errors.k1_error]
+        spreads += [errors.mount_error] * 3 + [errors.mount_misalignment] * 3
+        corrections = numpy.array([gauss(0.0, spread) for spread in spreads])
+        lens = corrected_lens(camera.lens, corrections)
+        position, turn = mounting(camera, corrections)
+        (mx, my, mz), (x, y, z) = position.tolist(), turn.T.tolist()
+        attitude = from_axes(tuple(x), tuple(y), tuple(z))
+        cameras.append(camera._replace(lens=lens, position=(mx, my, mz), attitude=attitude))
+    return Setup(TagMap(tags), tuple(cameras), believed.stamps + stamps)

@@ -136,8 +136,8 @@ def _rim(shot: Shot, corners: Array) -> Array:
 
 
 def _part(points: Array, beyond: Array) -> Array:
-    """Return the corners of the points' hull clipped to where `beyond`, a linear function of the
-    points, is positive."""
+    """Clip the hull of points to the half-space where `beyond`, a linear function of the points, is
+    positive. Return points of which the clipped hull is the hull."""
     is_in = beyond > 0.0
     if is_in.all():
         return points

@@ -10,8 +10,7 @@ from toolchain import compiled, succeeds
 from waiting import free_port
 
 from kybflow.core.signals import NS, Pose
-from kybflow.sensors.vrpn.publishing import published
-from kybflow.sensors.vrpn.server import Server
+from kybflow.sensors.vrpn.server import Server, published
 
 MISSION = """\
 kybflow: 1

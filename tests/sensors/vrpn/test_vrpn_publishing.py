@@ -19,7 +19,7 @@ from kybflow.core.signals import NS, Pose
 from kybflow.dsl.plan import Plan
 from kybflow.sensors._stream import TrackerPose
 from kybflow.sensors.vrpn.client import ServerAddress, subscribe
-from kybflow.sensors.vrpn.publishing import PoseNoise, published, still, to
+from kybflow.sensors.vrpn.server import PoseNoise, published, still, to
 
 
 @pytest.fixture(scope="module")
