@@ -8,13 +8,14 @@ along which this distance grows fastest, upwards if all directions are equal.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from math import hypot, inf, sqrt
 from typing import NamedTuple
 
 from kybflow.core.geometry import UP, Vec3, add, distance, scale, sub
+from kybflow.core.params import key, record
+from kybflow.core.units import Length, Path, Speed
 from kybflow.world.scanned import Columns, PointCloud
 
 
@@ -190,15 +191,17 @@ _ACCELERATION = 1.5
 """Acceleration after and before each stop, m/s^2."""
 
 
-@dataclass(frozen=True)
+@record("moving_sphere", is_whole=False)
 class MovingSphere:
-    """A ball that moves back and forth along straight lines through the points `along` at up to
-    `speed` (m/s), stopping at each. body: its name in motion capture, None for its own name."""
+    """A ball that moves along a path and back.
 
-    along: tuple[Vec3, ...]
-    radius: float
-    speed: float
-    body: str | None = None
+    It moves along straight lines through the points `along` and stops at each.
+    """
+
+    along: Path = key("Its path through these points, where it is simulated.")
+    radius: Length = key("Its radius.", above=0.0)
+    speed: Speed = key("Its greatest speed.", above=0.0, at_most=2.0)
+    body: str | None = key("Its name in motion capture, the obstacle's by default.", default=None)
 
     def at(self, seconds: float) -> Vec3:
         """Return the position of the centre this long after the start."""
