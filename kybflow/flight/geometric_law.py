@@ -9,9 +9,8 @@ from kybflow.core.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, heading_of,
 from kybflow.core.params import param, params
 from kybflow.core.signals import Command, Estimate, Imu, MeasurementKind, Setpoint, Tick
 from kybflow.core.units import Frequency
-from kybflow.flight.disturbance import DisturbanceObserver
-from kybflow.flight.loops.design import FASTEST, DesignedGains, Gains, completed
-from kybflow.flight.loops.response import OuterLoop
+from kybflow.flight.force_estimates import DisturbanceObserver
+from kybflow.flight.loops.position_loop import FASTEST, DesignedGains, Gains, OuterLoop, completed
 from kybflow.flight.steering import Steering
 from kybflow.flight.steering_params import SteeringParams
 from kybflow.world.inner_loop import InnerLoop

@@ -3,7 +3,7 @@
 The thrust is the estimated mass times the component of the desired specific force f along body z;
 the attitude points body z along f. Tilt and thrust are limited to the airframe's. On the ground the
 thrust rises from 60 % of the estimated weight until the vehicle lifts off; in the air the mass is
-estimated (`kybflow.flight.mass`).
+estimated (`kybflow.flight.force_estimates`).
 
 The autopilot controls its own attitude estimate, which is levelled by an accelerometer and
 therefore wrong while the vehicle accelerates. The integral of the difference between the commanded
@@ -25,7 +25,7 @@ from kybflow.core.geometry import (
     wrap,
 )
 from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, made
-from kybflow.flight.mass import MassEstimator
+from kybflow.flight.force_estimates import MassEstimator
 from kybflow.flight.steering_params import SteeringParams
 from kybflow.world.vehicle_context import VehicleContext
 

@@ -8,7 +8,7 @@ import pytest
 
 from kybflow.core.geometry import LEVEL, Quat, Vec3, from_heading
 from kybflow.core.signals import NS, Pose
-from kybflow.flight.pose_track import CONFIRMED, PoseTrack, unexplained
+from kybflow.flight.pose_gate import CONFIRMED, PoseTrack, unexplained
 
 EVERY = NS // 100
 

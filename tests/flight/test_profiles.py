@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kybflow.flight.profiles import STEEPEST, Pace, Profile, smoothstep
+from kybflow.flight.motion import STEEPEST, Pace, Profile, smoothstep
 
 distances = st.floats(0.0, 100.0)
 speeds = st.floats(0.01, 10.0)

@@ -120,7 +120,7 @@ def test_an_empty_battery_keeps_it_from_a_second_take_off(run):
 def test_going_home_it_lands_where_another_is_in_the_way():
     from kybflow.core.signals import Tick
     from kybflow.runtime.events import Events
-    from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
+    from kybflow.runtime.vehicle.failsafe import Failsafe, RaisedAlarm
 
     failsafe = Failsafe("a", {}, {}, Events())
     failsafe.latched = Reaction.GO_HOME

@@ -1,7 +1,7 @@
 """Finds the values of a phase's `arrive` that would keep two of its vehicles apart.
 
 With `in_turns`, one vehicle flies its whole path before the other begins. With `together`, both fly
-at a common pace, so that their relative motion is a straight line (`kybflow.flight.profiles.Pace`).
+at a common pace, so that their relative motion is a straight line (`kybflow.flight.motion.Pace`).
 """
 
 from __future__ import annotations

@@ -36,8 +36,8 @@ from kybflow.dsl.plan import (
 )
 from kybflow.dsl.reading.values import shown_value
 from kybflow.dsl.resolving.parameters import shown_parameter
-from kybflow.flight.loops.design import margins_of
 from kybflow.flight.loops.margins import in_words
+from kybflow.flight.loops.position_loop import margins_of
 
 
 def show_mission(plan: Plan, parameters: Mapping[str, Parameter]) -> str:

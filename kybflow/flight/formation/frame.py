@@ -22,8 +22,7 @@ from typing import NamedTuple
 from kybflow.core.geometry import ZERO, Vec3, add, distance, dot, norm, scale, sub, wrap
 from kybflow.flight.avoidance.clearance import Surface, bounded, stopping_speed
 from kybflow.flight.governor import shortened
-from kybflow.flight.motion import Coast, Motion
-from kybflow.flight.profiles import STEEPEST, smoothstep
+from kybflow.flight.motion import STEEPEST, Coast, Motion, smoothstep
 
 AGREEING = 1.0
 """The rate k at which the members' frames converge, 1/s."""

@@ -1,7 +1,7 @@
-"""The filter of the estimator `fusion`: its start, its gate, and when it starts anew.
-`kybflow.runtime.estimators.fusion` documents the rules.
+"""The filter of the estimator `fusion`: initialization, outlier gate and reset. The rules for these
+are in `kybflow.runtime.estimators.fusion`.
 
-It starts from a pose, or from a position and the IMU's readings at rest.
+The filter starts from a pose, or from a position and the IMU's readings at rest.
 """
 
 from __future__ import annotations

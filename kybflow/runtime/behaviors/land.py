@@ -42,9 +42,9 @@ from kybflow.flight.motion import (
     IDLE,
     Coast,
     Dwell,
+    Profile,
     Straight,
 )
-from kybflow.flight.profiles import Profile
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Footprint, param, params
 
 _STILL = 0.015

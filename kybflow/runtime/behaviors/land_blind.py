@@ -14,7 +14,7 @@ m/s (time in s), from rest, for an error e of the thrust model:
 
 An accelerometer error of 0.25 m/s^2 changes the 1.0 m/s from 2.5 m to 1.5 m/s (2.9 s) or 1.0 m/s
 (10 s). If an estimator needs the IMU, its measurement at rest on the ground is known and taken as
-gravity (`kybflow.runtime.monitoring.resting_bias`); only a later change then has this effect.
+gravity (`kybflow.runtime.vehicle.knowledge`); only a later change then has this effect.
 
 It begins at the vertical speed of the last setpoint, or of the estimate.
 

@@ -17,7 +17,7 @@ a process that forgets while the body moves on to other tags (`kybflow.flight.fu
 So no frame is refused because of an error that all frames share. Gravity and motion reveal how the
 camera is mounted and how late frames are stamped; errors that they don't reveal are included in the
 spread. An IMU whose samples scatter more than declared gets less weight
-(`kybflow.flight.fusion.vibration`).
+(`kybflow.flight.fusion.covariance`).
 
 A measurement is refused if only a fraction `gate` of correct ones has a larger innovation
 (chi-square), or if it is further than `widest_gate` plus four times its own deviation from the

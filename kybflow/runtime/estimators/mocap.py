@@ -35,9 +35,7 @@ from kybflow.flight.pose_gate import (
 )
 from kybflow.flight.tracked_pose import TrackedParams, TrackedPose
 from kybflow.parts import Estimator, param, params
-from kybflow.runtime.estimators._felt_force import FeltForce
-from kybflow.runtime.estimators._imu_sums import ImuSums
-from kybflow.runtime.estimators._stamp_offset import StampOffset
+from kybflow.runtime.estimators._mocap_imu import FeltForce, ImuSums, StampOffset
 from kybflow.world.vehicle_context import VehicleContext
 
 COARSEST = 0.0125

@@ -36,6 +36,7 @@ estimate. If an estimator followed the camera, they don't agree, and another jum
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -44,9 +45,9 @@ import numpy
 
 from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import Vec3, distance
-from kybflow.core.signals import NEVER, NS, Frame, Measurement, Time
+from kybflow.core.signals import NEVER, NS, Estimate, Frame, Measurement, Time
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.flight.pose_track import Consistent, reach
+from kybflow.flight.pose_gate import Consistent, reach
 from kybflow.parts import Estimator
 from kybflow.parts.events import (
     CameraFroze,
@@ -58,13 +59,51 @@ from kybflow.parts.events import (
     TagsLost,
 )
 from kybflow.runtime.events import Events
-from kybflow.runtime.monitoring.estimate_history import EstimateHistory
-from kybflow.runtime.monitoring.findings import Trouble, nearest
+from kybflow.runtime.monitoring.bodies import Trouble, nearest
 from kybflow.world.cameras import Camera
 
 if TYPE_CHECKING:
     from kybflow.vision.locating.locate import Located
     from kybflow.vision.locating.locator import Sighting
+
+_KEPT = 512
+CURRENT = NS // 20
+"""An estimate counts as the estimate at a given time if it is at most this much older."""
+
+
+class EstimateHistory:
+    """The recent estimates of a fleet. A camera's frame arrives late, so it is compared with the
+    estimate from the time when it was taken.
+
+    is_asked: whether a monitor uses the
+    history; otherwise nothing is kept, to spare the CPU's caches.
+    """
+
+    def __init__(self) -> None:
+        self.is_asked = False
+        self._kept: dict[str, deque[Estimate]] = {}
+
+    def note(self, vehicle: str, estimate: Estimate) -> None:
+        """Keep the newest estimate of a vehicle."""
+        kept = self._kept.get(vehicle)
+        if kept is None:
+            kept = self._kept[vehicle] = deque(maxlen=_KEPT)
+        kept.append(estimate)
+
+    def at(self, vehicle: str, time: Time) -> Estimate | None:
+        """Return the vehicle's estimate at `time` or shortly before, or None."""
+        for estimate in reversed(self._kept.get(vehicle, ())):
+            if estimate.time <= time:
+                return estimate if time - estimate.time <= CURRENT else None
+        return None
+
+    def others(self, vehicle: str, time: Time) -> Iterator[tuple[str, Estimate]]:
+        """Yield (name, estimate) of each other vehicle that had an estimate at `time`."""
+        for other in self._kept:
+            estimate = None if other == vehicle else self.at(other, time)
+            if estimate is not None:
+                yield other, estimate
+
 
 SILENT, SAME = 0.15, 0.1
 """Least times (s) after which a camera is lost, and after which it froze. From 15 Hz on, both are

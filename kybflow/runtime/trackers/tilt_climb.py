@@ -6,8 +6,8 @@ The commanded horizontal acceleration, with e = p_des - p, world frame, is
 
 and the tilt is that of the direction (a, g). The jerk leads by t, the delay of the loop on board
 and of the way there. P, D and I follow from that loop where they are not given, as those of
-`geometric` do (`kybflow.flight.loops.design`); the integral stands still on the ground, at its
-limit and where the tilt is limited. Vertically and about the vertical
+`geometric` do (`kybflow.flight.loops.position_loop`); the integral stands still on the ground, at
+its limit and where the tilt is limited. Vertically and about the vertical
 
     climb = v_des + T a_des + `height` e,    turn = heading rate + `heading` (heading_des - heading)
 
@@ -22,8 +22,7 @@ from math import hypot, tan
 from kybflow.core.geometry import GRAVITY, ZERO, from_thrust_direction, heading_of, wrap
 from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.core.units import DEG, Acceleration, Angle, AngularRate, Damping, Length
-from kybflow.flight.loops.design import FASTEST, DesignedGains, completed
-from kybflow.flight.loops.response import OuterLoop
+from kybflow.flight.loops.position_loop import FASTEST, DesignedGains, OuterLoop, completed
 from kybflow.parts import Tracker, param, params
 from kybflow.world.inner_loop import InnerLoop
 from kybflow.world.vehicle_context import Airframe, VehicleContext

@@ -38,13 +38,17 @@ from kybflow.parts.events import (
     TookOff,
 )
 from kybflow.runtime.events import Events
-from kybflow.runtime.safety import take_off_tolerance
-from kybflow.runtime.safety.failsafe import Failsafe
-from kybflow.runtime.safety.hold import Hold, Holder, SetpointBlend
-from kybflow.runtime.safety.landing import LandMode, TouchDown
 from kybflow.runtime.scores import VehicleScore
+from kybflow.runtime.vehicle.failsafe import Failsafe
+from kybflow.runtime.vehicle.hold import Hold, Holder, SetpointBlend
+from kybflow.runtime.vehicle.knowledge import TickBuilder
 from kybflow.runtime.vehicle.link import LinkOut
-from kybflow.runtime.vehicle.tick_builder import TickBuilder
+from kybflow.runtime.vehicle.touch_down import (
+    LandMode,
+    TouchDown,
+    allowed_distance,
+    said_distance,
+)
 
 LONGEST_REFUSAL: Time = 10 * NS
 """How long a behavior's claims to have landed may be refused before the behavior fails."""
@@ -459,9 +463,9 @@ class BehaviorRunner:
         if estimate is None or self.resting_place is None or not self._leaves_ground(state):
             return None
         away = distance(estimate.position, self.resting_place)
-        if away <= take_off_tolerance.allowed(estimate):
+        if away <= allowed_distance(estimate):
             return None
-        allowed = take_off_tolerance.said(estimate)
+        allowed = said_distance(estimate)
         return f"the estimate is {away:.2f} m from where it stood ({allowed})"
 
     def _doubted(self, state: StatePlan, entry: Entry) -> str | None:

@@ -15,9 +15,9 @@ from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.parts.events import LandModeRefused
 from kybflow.runtime.events import Events
-from kybflow.runtime.safety.failsafe import Failsafe
 from kybflow.runtime.vehicle.behavior_runner import BehaviorRunner
 from kybflow.runtime.vehicle.control import HANDED_OVER, RESTING, Commanded, Control
+from kybflow.runtime.vehicle.failsafe import Failsafe
 from kybflow.runtime.vehicle.knowledge import Knowledge
 from kybflow.runtime.vehicle.output import CommandOutput
 from kybflow.runtime.vehicle.reactions import Reactions

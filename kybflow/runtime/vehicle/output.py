@@ -7,11 +7,10 @@ from kybflow.core.signals import Command, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts.events import ArmingRefused
 from kybflow.runtime.events import Events
-from kybflow.runtime.monitoring.resting_bias import RestingBias
 from kybflow.runtime.vehicle.behavior_runner import BehaviorRunner
 from kybflow.runtime.vehicle.control import HANDED_OVER, RESTING
+from kybflow.runtime.vehicle.knowledge import PayloadTracker, RestingBias
 from kybflow.runtime.vehicle.link import LinkOut
-from kybflow.runtime.vehicle.payload import PayloadTracker
 
 
 class CommandOutput:

@@ -8,9 +8,9 @@ from kybflow.core.signals import NS, Alarm, Reaction, Tick, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.flight.landing_place import vehicle_below
 from kybflow.parts import GROUND
-from kybflow.runtime.safety.failsafe import HOLD, RESPONSES, Failsafe, RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.behavior_runner import BehaviorRunner
+from kybflow.runtime.vehicle.failsafe import HOLD, RESPONSES, Failsafe, RaisedAlarm
 from kybflow.runtime.vehicle.link import LinkOut
 from kybflow.runtime.vehicle.output import CommandOutput
 

@@ -19,8 +19,7 @@ from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, PlannedPoint, Reaction, Time
 from kybflow.dsl.plan import StatePlan, Values, VehiclePlan
-from kybflow.flight.motion import Coast
-from kybflow.flight.profiles import Pace
+from kybflow.flight.motion import Coast, Pace
 from kybflow.parts import GROUND
 from kybflow.parts.events import (
     OptionRefusedEvent,
@@ -36,8 +35,8 @@ from kybflow.parts.events import (
     SwitchRefused,
 )
 from kybflow.runtime.events import Events
-from kybflow.runtime.safety.failsafe import Failsafe
 from kybflow.runtime.vehicle.behavior_runner import BehaviorRunner, unfit
+from kybflow.runtime.vehicle.failsafe import Failsafe
 from kybflow.runtime.vehicle.link import LinkOut
 from kybflow.runtime.vehicle.override import ManualOverride
 from kybflow.runtime.vehicle.reactions import Reactions

@@ -32,24 +32,22 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.broadcasts import Broadcasts
 from kybflow.runtime.making import make, parts_of
 from kybflow.runtime.monitoring.bodies import Bodies
-from kybflow.runtime.monitoring.estimate_history import EstimateHistory
+from kybflow.runtime.monitoring.cameras import EstimateHistory
 from kybflow.runtime.monitoring.sensing import OpenSensor
 from kybflow.runtime.monitoring.tracking_errors import TrackingErrors
 from kybflow.runtime.observer import VehicleObserver
-from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
-from kybflow.runtime.vehicle.arming_watch import ArmingWatch
 from kybflow.runtime.vehicle.behavior_runner import BehaviorRunner
 from kybflow.runtime.vehicle.control import Control, OptionSetter
 from kybflow.runtime.vehicle.decision import Decision
 from kybflow.runtime.vehicle.estimation import ExternalPosition
-from kybflow.runtime.vehicle.knowledge import Knowledge
+from kybflow.runtime.vehicle.failsafe import Failsafe, RaisedAlarm
+from kybflow.runtime.vehicle.knowledge import Knowledge, TickBuilder
 from kybflow.runtime.vehicle.link import LinkHealth, LinkIn, LinkOut
 from kybflow.runtime.vehicle.output import CommandOutput
-from kybflow.runtime.vehicle.override import ManualOverride
+from kybflow.runtime.vehicle.override import ArmingWatch, ManualOverride
 from kybflow.runtime.vehicle.reactions import Reactions
 from kybflow.runtime.vehicle.requests import EntryJudge, NoJudge, Requests
-from kybflow.runtime.vehicle.tick_builder import TickBuilder
 from kybflow.world.vehicle_context import VehicleContext
 
 _SINKS = -0.05

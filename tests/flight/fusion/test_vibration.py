@@ -8,8 +8,7 @@ from math import sin
 import pytest
 
 from kybflow.core.geometry import Vec3
-from kybflow.flight.fusion.covariance import ImuNoise
-from kybflow.flight.fusion.vibration import Vibration
+from kybflow.flight.fusion.covariance import ImuNoise, Vibration
 
 DECLARED = ImuNoise(0.005, 0.0002, 0.0005, 0.00002)
 DT = 0.004

@@ -22,7 +22,7 @@ from kybflow.core.geometry import (
     tilt_of,
 )
 from kybflow.core.signals import NS, Estimate, Imu, Pose
-from kybflow.runtime.estimators._felt_force import MOST
+from kybflow.runtime.estimators._mocap_imu import LARGEST_ANGLE
 from kybflow.runtime.estimators.mocap import Mocap, MocapParams
 
 RADIUS, RATE = 0.7, 1.2
@@ -71,7 +71,9 @@ def test_what_the_accelerometer_is_wrong_by_is_taken_for_an_angle() -> None:
 
 
 def test_an_accelerometer_that_is_far_off_turns_nothing_further_than_a_lab_is_wrong() -> None:
-    assert tilt_error(LEVEL, 12.0, bias=(1.5, 0.0, 0.0)) == pytest.approx(degrees(MOST), abs=0.2)
+    assert tilt_error(LEVEL, 12.0, bias=(1.5, 0.0, 0.0)) == pytest.approx(
+        degrees(LARGEST_ANGLE), abs=0.2
+    )
     assert tilt_error(LEVEL, 12.0, bias=(0.0, 0.0, 6.0)) < 0.1
 
 

@@ -9,8 +9,7 @@ import pytest
 
 from kybflow.core.geometry import LEVEL, ZERO, Quat, Vec3, from_euler, integrate, multiply
 from kybflow.core.signals import NS, Imu
-from kybflow.runtime.estimators._imu_sums import ImuSums
-from kybflow.runtime.estimators._stamp_offset import MOST, StampOffset
+from kybflow.runtime.estimators._mocap_imu import LARGEST_OFFSET, ImuSums, StampOffset
 
 DT = 0.001
 TICK = 4
@@ -60,7 +59,7 @@ def test_who_never_turns_tells_nothing() -> None:
 
 
 def test_it_is_never_more_than_a_clock_may_be_off() -> None:
-    assert found(0.06, noise=0.0) == pytest.approx(MOST)
+    assert found(0.06, noise=0.0) == pytest.approx(LARGEST_OFFSET)
 
 
 def test_a_gap_and_another_heading_after_it_are_no_offset() -> None:

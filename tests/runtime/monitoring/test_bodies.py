@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import LEVEL, Vec3, add, from_euler, from_heading
 from kybflow.core.signals import NS, Estimate, Pose
-from kybflow.flight.pose_track import CONFIRMED
+from kybflow.flight.pose_gate import CONFIRMED
 from kybflow.parts.events import BodyFroze, BodyJumped, BodyLost, BodyRecovered, BodySwapped
 from kybflow.runtime.monitoring.bodies import Bodies, BodyBounds
 

@@ -12,7 +12,7 @@ from short_flights import down, hold, up
 from kybflow.core.geometry import GRAVITY, ZERO
 from kybflow.core.signals import NS, Imu
 from kybflow.dsl.plan import EstimatorPlan, TransitionPlan
-from kybflow.runtime.monitoring.resting_bias import LONG, RestingBias
+from kybflow.runtime.vehicle.knowledge import LONG, RestingBias
 
 
 def rest(lift: float, seconds: float) -> RestingBias:

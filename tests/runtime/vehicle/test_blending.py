@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from kybflow.core.geometry import ZERO, add, distance, from_heading, heading_of, norm, scale, sub
 from kybflow.core.signals import NS, Estimate
-from kybflow.runtime.vehicle.blending import DECAY, OVER, EstimateBlend
+from kybflow.runtime.vehicle.estimation import DECAY, OVER, EstimateBlend
 
 TICK = NS // 250
 

@@ -6,7 +6,7 @@ from part_bench import estimate
 
 from kybflow.core.signals import NS, Event, Payload, PayloadState
 from kybflow.runtime.events import Events
-from kybflow.runtime.vehicle.payload import PayloadTracker
+from kybflow.runtime.vehicle.knowledge import PayloadTracker
 
 CLOSED, OPEN = Payload(0, False, True), Payload(0, True, False)
 BLIND_CLOSED, BLIND_OPEN = Payload(0, False, None), Payload(0, True, None)

@@ -12,8 +12,7 @@ from typing import Literal
 
 from kybflow.core.geometry import ZERO, Vec3, add, norm, scale, sub
 from kybflow.core.signals import NS, Setpoint, SetpointKind, Time
-from kybflow.flight.motion import IDLE, Coast, Motion, Straight, Turn
-from kybflow.flight.profiles import STEEPEST, smoothstep
+from kybflow.flight.motion import IDLE, STEEPEST, Coast, Motion, Straight, Turn, smoothstep
 from kybflow.parts import Entry
 
 Holder = Literal["brake", "pause", "pilot"]

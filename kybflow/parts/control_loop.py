@@ -27,7 +27,7 @@ from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
 if TYPE_CHECKING:
-    from kybflow.flight.loops.response import OuterLoop
+    from kybflow.flight.loops.position_loop import OuterLoop
     from kybflow.flight.pose_gate import Refusal
     from kybflow.vision.locating.locator import Sighting
 

@@ -6,9 +6,32 @@ from collections.abc import Callable
 
 from kybflow.core.errors import Refused
 from kybflow.core.signals import NS, Estimate, Time
-from kybflow.runtime.safety import take_off_tolerance
 from kybflow.world.ground import height_in_the_air
 from kybflow.world.vehicle_context import VehicleContext
+
+START_TOLERANCE = 0.25
+WIDEST = 2.0
+SPREADS = 3.0
+
+
+def allowed_distance(estimate: Estimate) -> float:
+    """Return the largest distance (m) of an estimate from the declared start before take-off:
+
+        allowed = max(25 cm, min(3 spread, 2 m))
+
+    It grows with the spread, because GPS alone is less accurate than motion capture.
+    """
+    return max(START_TOLERANCE, min(SPREADS * estimate.spread, WIDEST))
+
+
+def said_distance(estimate: Estimate) -> str:
+    """Return a description of the allowed distance, for a message."""
+    metres = allowed_distance(estimate)
+    if metres <= START_TOLERANCE:
+        return f"{metres:.2f} m allowed"
+    why = "the most" if metres >= WIDEST else f"{SPREADS:g} times its spread"
+    return f"{metres:.2f} m allowed, {why}"
+
 
 TIMEOUT, SLOWEST = 10.0, 0.2
 """A landing may take `TIMEOUT` seconds plus the height divided by `SLOWEST` (m/s)."""
@@ -63,7 +86,7 @@ class TouchDown:
         self, context: VehicleContext, expected: tuple[float, ...] = (), off: float = 0.0
     ) -> None:
         self._context, self._expected = context, expected
-        self._off = min(max(off, 0.0), take_off_tolerance.LEAST)
+        self._off = min(max(off, 0.0), START_TOLERANCE)
         self._since: Time = 0
         self._last: Time | None = None
         self._refused: Time | None = None
