@@ -8,7 +8,8 @@ exit from a state and on entry into one. Its triggers are:
 - `step`: take a transition of the mission; the order is `next`, end of the behavior, `within`.
 - `give_up`: enter `brake` or `landed`, if the behavior of no other state of a vehicle starts.
 - `switch STATE`: enter the state that an operator, a flow or a callback requests.
-- `failsafe STATE`: enter a built-in state of a vehicle, from every state.
+- `built-in STATE`: enter a built-in state of a vehicle, from every state: the failsafe reacts, or
+  the run ends.
 - `end`: leave every phase of a flow.
 
 A trigger costs several microseconds. A tick therefore evaluates each guard once, without the
@@ -32,6 +33,7 @@ from typing import Literal, NamedTuple
 from transitions import Machine
 
 from kybflow.dsl.expressions import Expression
+from kybflow.dsl.names.built_in import BRAKE, FAULT, LANDED
 from kybflow.dsl.plan import END, FlowPlan, TransitionPlan, VehiclePlan
 from kybflow.parts.observables import chains_of, is_in
 
@@ -51,9 +53,10 @@ class Exit(NamedTuple):
     """Why a state is left.
 
     how: `next`, `done`, `failed` or `within` for a transition of the mission; `refused` if the
-    behavior did not start; `asked` for a switch; `failsafe`. Flows also end with `operator` or
-    `failed`. at: the mission line that caused the exit, or empty. transition: the transition of the
-    mission, if there is one.
+    behavior did not start; `asked` for a switch; `failsafe` for a built-in state that is entered
+    regardless of the mission, also at the end of a run or by a reset. Flows also end with
+    `operator` or `failed`. at: the mission line that caused the exit, or empty. transition: the
+    transition of the mission, if there is one.
     """
 
     how: str
@@ -250,7 +253,7 @@ class VehicleMachine(StateMachine):
     ) -> None:
         states = vehicle.states
         super().__init__(_START, states, on_enter, on_exit, welcome)
-        self._healthy, self._starts = states.keys() - {"fault"}, starts
+        self._healthy, self._starts = states.keys() - {FAULT}, starts
         declare = self._machine.add_transition
 
         def rests_in_fault(reason: Exit) -> bool:
@@ -258,18 +261,18 @@ class VehicleMachine(StateMachine):
 
         declare("begin", _START, vehicle.begin)
         for name, state in states.items():
-            for landing in (t for t in state.transitions if t.target == "landed"):
-                declare("step", name, "fault", [_is_due(landing), rests_in_fault])
+            for landing in (t for t in state.transitions if t.target == LANDED):
+                declare("step", name, FAULT, [_is_due(landing), rests_in_fault])
             self._declare_ways(name, state.transitions, conditions)
             if state.built_in:
-                declare(f"failsafe {name}", list(states), name)
-        declare("give_up", list(states), "brake", lambda _: airborne())
-        declare("give_up", list(states), "landed")
+                declare(f"built-in {name}", list(states), name)
+        declare("give_up", list(states), BRAKE, lambda _: airborne())
+        declare("give_up", list(states), LANDED)
 
-    def failsafe(self, state: str) -> None:
-        """Enter a built-in state, from any state. Raises ValueError for a state that is not built
-        in."""
-        self._pull(f"failsafe {state}", Exit("failsafe"))
+    def enter_built_in(self, state: str) -> None:
+        """Enter a built-in state, from any state, regardless of the mission. Raises ValueError for
+        a state that is not built in."""
+        self._pull(f"built-in {state}", Exit("failsafe"))
 
     def switch(self, state: str, at: str) -> None:
         """Enter a state that was requested at a line of the mission. Passes on what `starts`

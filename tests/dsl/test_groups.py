@@ -9,7 +9,7 @@ from fake_view import FakeView
 
 from kybflow.dsl.diagnostics.spans import Span, Text
 from kybflow.dsl.expressions import GroupInState, Not, Scope, Separation, describe, parse
-from kybflow.runtime.conditions import bind
+from kybflow.runtime.conditions import reader_of
 
 VEHICLES = dict.fromkeys("abc", ("up", "hover")) | {"d": ("up",)}
 GROUPS = {"pair": ("a", "b"), "swarm": ("a", "b", "c", "d")}
@@ -85,4 +85,4 @@ def test_they_hold_of_the_vehicles_as_they_are(words: str, behaviors: str, holds
     expression, _ = parse(text(words), Scope("condition", vehicles, groups=GROUPS))
     assert expression is not None
     views = {n: FakeView(behavior=b) for n, b in zip("ab", behaviors.split(), strict=True)}
-    assert bind(expression, views, None, lambda: 0.0)() is holds
+    assert reader_of(expression, views, None, lambda: 0.0)() is holds

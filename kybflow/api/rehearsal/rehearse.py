@@ -22,7 +22,6 @@ from kybflow.runtime.commanding.awaited import check_emitted
 from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
-from kybflow.runtime.making import parts_of
 from kybflow.runtime.scores import Score
 
 NOTHING: Mapping[str, str] = MappingProxyType({})
@@ -123,7 +122,7 @@ def _flown(
 
 
 def _not_made(plan: Plan, failure: PartFailed, texts: Mapping[str, str]) -> Diagnostic:
-    made = ((vehicle.name, part) for vehicle in plan.vehicles for part in parts_of(vehicle))
+    made = ((vehicle.name, part) for vehicle in plan.vehicles for part in vehicle.parts)
     found = ((name, part.at) for name, part in made if part.label == failure.part)
     name, at = next(found, (plan.vehicles[0].name, plan.vehicles[0].at))
     return findings.stays_down(name, failure.part, str(failure), at, texts)

@@ -1,21 +1,22 @@
-"""Demands beyond an airframe's limits, implausible airframes, and payloads: KYB316 to KYB319,
-KYB395 to KYB397, KYB420 and KYB421."""
+"""Demands beyond an airframe's limits, implausible airframes, and payloads: KYB314, KYB316 to
+KYB319, KYB395 to KYB397, KYB420 and KYB421."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import atan, floor
+from math import atan, floor, inf
 from typing import NamedTuple
 
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.params import fields_of
-from kybflow.core.units import ANGLE, FORCE, MASS, format_quantity
+from kybflow.core.units import ANGLE, FORCE, MASS, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import footprints, the_limit, values_of
 from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Severity
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.plan import Body, PartPlan, StatePlan, VehiclePlan
+from kybflow.parts import GROUND
 from kybflow.world.plausible import Implausible, of_airframe, of_parcel
 from kybflow.world.vehicle_context import Airframe, Parcel
 
@@ -51,6 +52,33 @@ def _beyond(vehicle: VehiclePlan, part: PartPlan) -> Iterator[Diagnostic]:
             label=format_quantity(value, dimension),
             notes=(f"its airframe allows {format_quantity(limit, dimension)}",),
             related=the_limit(vehicle, name),
+        )
+
+
+def too_fast(case: Case) -> Iterator[Diagnostic]:
+    """KYB314: a behavior is faster than the airframe allows: its `speed`, or in a take-off or a
+    landing also its `climb`."""
+    for vehicle, state, _, footprint in case.cached(footprints):
+        legs = state.behavior.cls.flight
+        is_vertical = any(GROUND in leg and leg.start is not leg.end for leg in legs)
+        limit = min(vehicle.airframe.speed, vehicle.airframe.climb if is_vertical else inf)
+        origin = footprint.origin
+        verb = "fly" if limit == vehicle.airframe.speed else "climb and descend"
+        if footprint.speed <= limit + _ROUNDING:
+            continue
+        yield Diagnostic(
+            "KYB314",
+            f"`{state.name}` is too fast for `{vehicle.name}`",
+            state.behavior.span_of("speed"),
+            label=f"reaches {format_quantity(footprint.speed, SPEED)}",
+            notes=(
+                f"its airframe may {verb} at {format_quantity(limit, SPEED)}",
+                *((f"fastest at {origin.fastest}",) if origin is not None else ()),
+            ),
+            related=(
+                *the_limit(vehicle, "speed" if verb == "fly" else "climb"),
+                *values_of(state.behavior),
+            ),
         )
 
 

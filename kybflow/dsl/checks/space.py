@@ -1,13 +1,13 @@
-"""Where a vehicle flies and how fast, and whether anything keeps it in the room: KYB311 to KYB315,
+"""Where a vehicle flies, and whether anything keeps it in the room: KYB311 to KYB313, KYB315,
 KYB320 to KYB322 and KYB372."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from math import hypot, inf
+from math import hypot
 
 from kybflow.core.geometry import ZERO, Vec3, distance
-from kybflow.core.units import LENGTH, SPEED, format_quantity
+from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.flow_places import entered_by_flows
 from kybflow.dsl.checks.reachability import Entries, entries_of
@@ -15,7 +15,7 @@ from kybflow.dsl.diagnostics.diagnostic import Diagnostic, Related, Severity
 from kybflow.dsl.diagnostics.spans import Span
 from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.dsl.reading import nodes
-from kybflow.parts import AIR, GROUND, Footprint
+from kybflow.parts import AIR, Footprint
 from kybflow.world.shapes import Box
 
 _ROUNDING = 1e-6
@@ -107,33 +107,6 @@ def held_back(case: Case) -> Iterator[Diagnostic]:
                 help="stay further away from the fence, or reduce the margin",
                 related=(*the_fence(case), *values_of(state.behavior)),
             )
-
-
-def too_fast(case: Case) -> Iterator[Diagnostic]:
-    """KYB314: a behavior is faster than the airframe allows: its `speed`, or in a take-off or a
-    landing also its `climb`."""
-    for vehicle, state, _, footprint in case.cached(footprints):
-        legs = state.behavior.cls.flight
-        is_vertical = any(GROUND in leg and leg.start is not leg.end for leg in legs)
-        limit = min(vehicle.airframe.speed, vehicle.airframe.climb if is_vertical else inf)
-        origin = footprint.origin
-        verb = "fly" if limit == vehicle.airframe.speed else "climb and descend"
-        if footprint.speed <= limit + _ROUNDING:
-            continue
-        yield Diagnostic(
-            "KYB314",
-            f"`{state.name}` is too fast for `{vehicle.name}`",
-            state.behavior.span_of("speed"),
-            label=f"reaches {format_quantity(footprint.speed, SPEED)}",
-            notes=(
-                f"its airframe may {verb} at {format_quantity(limit, SPEED)}",
-                *((f"fastest at {origin.fastest}",) if origin is not None else ()),
-            ),
-            related=(
-                *the_limit(vehicle, "speed" if verb == "fly" else "climb"),
-                *values_of(state.behavior),
-            ),
-        )
 
 
 def refuses(case: Case) -> Iterator[Diagnostic]:

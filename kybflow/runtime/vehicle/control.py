@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from kybflow.core.errors import OptionRefused, PartError, PartFailed
 from kybflow.core.events import Emitting
-from kybflow.core.geometry import LEVEL, ZERO, distance
+from kybflow.core.geometry import ZERO, distance
 from kybflow.core.signals import NS, Alarm, Command, Retune, Setpoint, SetpointKind, Tick, Time
 from kybflow.core.units import format_measured
 from kybflow.dsl.plan import VehiclePlan
@@ -21,6 +21,7 @@ from kybflow.parts.events import ClampEnded, ClampStarted
 from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_command, checked_setpoint
 from kybflow.runtime.making import make
+from kybflow.runtime.vehicle.link import RESTING
 from kybflow.world.vehicle_context import VehicleContext
 
 _LEAST, _LEAST_SPEED = 0.02, 0.05
@@ -94,12 +95,6 @@ def _off(asked: Setpoint, given: Setpoint) -> tuple[float, float, str]:
         return distance(asked.position, given.position), _LEAST, "m"
     return distance(asked.velocity or ZERO, given.velocity or ZERO), _LEAST_SPEED, "m/s"
 
-
-RESTING = Command(LEVEL, 0.0, ZERO, None, False)
-"""The command of a vehicle on the ground: rotors at rest."""
-HANDED_OVER = Command(LEVEL, 0.0, ZERO, None)
-"""The command recorded while the vehicle's land mode, its watchdog or a pilot flies it: armed,
-without thrust."""
 
 Commanded = tuple[Command, Setpoint | None]
 """(the command of a tick, the behavior's setpoint before the processors)."""
@@ -194,22 +189,7 @@ class Control:
             command = _turning(RESTING, off_ground)
             self.followed = None
             return command, asked
-        tracked = self._tracked(checked_setpoint(asked), tick, reports)
-        if tracked is None:
-            return None
-        return (tracked if tracked.armed else _turning(tracked, off_ground)), asked
-
-    def again(self, waiting: Command, tick: Tick) -> Command:
-        """Return the command that waits for arming, recomputed by the tracker: the vehicle may
-        already be rising and drift with the wind."""
-        if self.followed is None or tick.estimate is None:
-            return waiting
-        self._raised = self._tracker_label
-        command = checked_command(self._tracker.update(self.followed, tick))
-        self._raised = ""
-        return command
-
-    def _tracked(self, setpoint: Setpoint, tick: Tick, reports: ProcessorReports) -> Command | None:
+        setpoint = checked_setpoint(asked)
         part = ""
         try:
             for part, process in self._active:
@@ -234,6 +214,16 @@ class Control:
             self._raised = part
             raise
         self.followed = setpoint
+        return (command if command.armed else _turning(command, off_ground)), asked
+
+    def again(self, waiting: Command, tick: Tick) -> Command:
+        """Return the command that waits for arming, recomputed by the tracker: the vehicle may
+        already be rising and drift with the wind."""
+        if self.followed is None or tick.estimate is None:
+            return waiting
+        self._raised = self._tracker_label
+        command = checked_command(self._tracker.update(self.followed, tick))
+        self._raised = ""
         return command
 
     def _granted(self, label: str, given: Emitting | Retune) -> Setpoint:

@@ -44,7 +44,7 @@ from kybflow.parts.events import (
     PositionAccepted,
     PositionRefused,
 )
-from kybflow.runtime.conditions import bind
+from kybflow.runtime.conditions import reader_of
 from kybflow.runtime.estimator_view import EstimatorView
 from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_estimate
@@ -157,7 +157,7 @@ class Candidate:
         self._holds: Callable[[], bool] = lambda: True
         if plan.healthy is not None:
             views = {self.name: EstimatorView(self)}
-            self._holds = bind(plan.healthy, views, self.name, lambda: 0.0)
+            self._holds = reader_of(plan.healthy, views, self.name, lambda: 0.0)
 
     def update(
         self, measurements: Sequence[Measurement], now: Time, flown: Estimate | None

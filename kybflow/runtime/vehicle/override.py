@@ -14,6 +14,7 @@ from kybflow.core.errors import Refused
 from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Alarm, Estimate, Reaction, Tick, Time
+from kybflow.dsl.names.built_in import AUTO_LAND, LAND_BLIND, LANDED
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import GROUND, Override
 from kybflow.parts.events import (
@@ -27,10 +28,8 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.behavior_runner import UNCLEAR, BehaviorRunner
 from kybflow.runtime.vehicle.control import Control
-from kybflow.runtime.vehicle.failsafe import Failsafe, RaisedAlarm
+from kybflow.runtime.vehicle.failsafe import Failsafe, RaisedAlarm, Reactions
 from kybflow.runtime.vehicle.link import ALIVE, LinkOut
-from kybflow.runtime.vehicle.output import CommandOutput
-from kybflow.runtime.vehicle.reactions import Reactions
 from kybflow.world.ground import FRESH, height_in_the_air
 
 FALLING = 1.2
@@ -70,14 +69,13 @@ class ArmingWatch:
         link: LinkOut,
         runner: BehaviorRunner,
         reactions: Reactions,
-        output: CommandOutput,
         events: Events,
         score: VehicleScore,
     ) -> None:
         self.gave_up = False
         self._name, self._at = plan.name, plan.driver.at
         self._link, self._runner, self._reactions = link, runner, reactions
-        self._output, self._events, self._score = output, events, score
+        self._events, self._score = events, score
         self._since: Time | None = None
         self._fell: tuple[Time, float] | None = None
         self._stood: Time | None = None
@@ -87,7 +85,7 @@ class ArmingWatch:
     def update(self, tick: Tick, armed: bool) -> bool:
         """Compare in this tick; return whether the vehicle was found to have disarmed in the air.
         armed: whether the vehicle reports itself armed."""
-        if armed is self._output.sent.armed:
+        if armed is self._link.sent.armed:
             self._since = self._stands = None
             known = tick.estimate
             if armed and known is not None and known.velocity[2] < -FALLING:
@@ -96,7 +94,7 @@ class ArmingWatch:
         if not armed:
             return self._runner.off_ground and self._has_fallen(tick)
         is_quiet = tick.link_age > ALIVE or self._link.override is not None
-        if self._runner.flight is GROUND and self._output.arming is None and not is_quiet:
+        if self._runner.flight is GROUND and self._link.arming is None and not is_quiet:
             self._watch_landed(tick)
         return False
 
@@ -256,11 +254,11 @@ class ManualOverride:
         if self._link.armed is False and not self._arming.may_fall(tick):
             self.away = False
             self._score.failure(override.reason)
-            runner.go("landed", grounded=True)
+            runner.enter_built_in(LANDED, grounded=True)
 
     def _bring_down(self, override: Override, now: Time) -> None:
         """Request the land mode of a vehicle that doesn't follow commands, once per override."""
-        comes_down = self._runner.machine.state in ("auto_land", "land_blind")
+        comes_down = self._runner.machine.state in (AUTO_LAND, LAND_BLIND)
         if override is self._landed_for or not (comes_down and self._link.can_land):
             return
         self._landed_for = override

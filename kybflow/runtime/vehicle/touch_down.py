@@ -1,10 +1,7 @@
-"""Landing by the vehicle's own land mode, and judging whether a vehicle has touched down."""
+"""Whether a vehicle may take off where it is, and whether it has touched down."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from kybflow.core.errors import Refused
 from kybflow.core.signals import NS, Estimate, Time
 from kybflow.world.ground import height_in_the_air
 from kybflow.world.vehicle_context import VehicleContext
@@ -33,36 +30,11 @@ def said_distance(estimate: Estimate) -> str:
     return f"{metres:.2f} m allowed, {why}"
 
 
-TIMEOUT, SLOWEST = 10.0, 0.2
-"""A landing may take `TIMEOUT` seconds plus the height divided by `SLOWEST` (m/s)."""
 UNCHARTED = 1.0
 LONG: Time = 5 * NS
 STILL = 0.03
 BREAK: Time = NS // 10
 """Time without a claim after which the next claim starts a new series."""
-
-
-class LandMode:
-    """A landing by the vehicle's own land mode. The failsafe prefers it for the reaction `land`,
-    and for `land_blind` if the mode needs no position.
-
-    The autopilot lands by its own estimate, while the runtime sends no commands and requests the
-    mode in every tick. If the vehicle refuses or leaves the mode, or has not landed in time (10 s
-    plus its height at 0.2 m/s), the state `auto_land` or `land_blind` lands it. land: the link's
-    method that requests the mode. height: the vehicle's height above the expected ground (m).
-    """
-
-    def __init__(self, land: Callable[[Time], bool], now: Time, height: float) -> None:
-        self._land = land
-        self._timeout = TIMEOUT + max(height, 0.0) / SLOWEST
-        self._until = now + round(self._timeout * NS)
-
-    def has_landed(self, now: Time) -> bool:
-        """Request the land mode, once a tick; return whether the vehicle has landed. Raises Refused
-        if the vehicle refuses or has not landed in time."""
-        if now > self._until:
-            raise Refused(f"it has not landed within {self._timeout:.0f} s")
-        return self._land(now)
 
 
 class TouchDown:

@@ -52,7 +52,7 @@ def test_a_flight_learns_it_before_take_off_and_anew_after_each_landing(run) -> 
         one = engine.vehicles[0]
         if not engine.flying:
             return
-        seen.setdefault((one.state, one._output.sent.armed), []).append(
+        seen.setdefault((one.state, one.link_out.sent.armed), []).append(
             one.knowledge.resting.specific_force
         )
 
