@@ -71,23 +71,6 @@ class _Model:
     trigger: Callable[[str, Exit], object]
 
 
-class _Facts:
-    """The values that guards read.
-
-    elapsed: seconds in the active state. chains: seconds spent in each chain that contains the
-    state, up to the entry into the state. heard: the events since the last tick. outcome: whether
-    the behavior is running, done or failed.
-    """
-
-    __slots__ = ("chains", "elapsed", "heard", "outcome")
-
-    def __init__(self) -> None:
-        self.elapsed = 0.0
-        self.chains: dict[str, float] = {}
-        self.heard: AbstractSet[str] = _NOTHING
-        self.outcome: Outcome = "running"
-
-
 class _Timer:
     """Counts for how many seconds a condition has held since the state was entered. held: that
     time, None while the condition does not hold."""
@@ -97,6 +80,9 @@ class _Timer:
     def __init__(self, condition: Guard) -> None:
         self.condition = condition
         self.held: float | None = None
+
+    def restart(self) -> None:
+        self.held = None
 
     def count(self, dt: float) -> None:
         if not self.condition():
@@ -130,6 +116,10 @@ class _Watched(NamedTuple):
 class StateMachine:
     """The base of the machines of vehicles and flows.
 
+    The guards of its transitions read elapsed: seconds in the active state; chains: seconds spent
+    in each chain that contains the state, up to the entry into the state; heard: the events since
+    the last tick; outcome: whether the behavior is running, done or failed.
+
     The machine is in the state `initial` until it begins. on_exit: called before the state changes.
     on_enter: called with the name of the new state. welcome: returns whether a state may be entered
     through `next`; otherwise that transition is skipped.
@@ -144,7 +134,11 @@ class StateMachine:
         welcome: Callable[[str], bool] = lambda _: True,
     ) -> None:
         self._on_enter, self._on_exit, self._welcome = on_enter, on_exit, welcome
-        self._facts, self._model = _Facts(), _Model()
+        self.elapsed = 0.0
+        self.chains: dict[str, float] = {}
+        self.heard: AbstractSet[str] = _NOTHING
+        self.outcome: Outcome = "running"
+        self._model = _Model()
         self._watched = {name: _Watched([], [], []) for name in (initial, *states)}
         self._machine = Machine(None, initial=initial, auto_transitions=False, queued=True)
         self._machine.get_state(initial).add_callback("enter", self._entered)
@@ -168,8 +162,7 @@ class StateMachine:
         Called once a tick. elapsed: seconds in the state. heard: the events since the last tick.
         outcome: whether the behavior is running, done or failed. dt: seconds since the last call.
         """
-        facts = self._facts
-        facts.elapsed, facts.heard, facts.outcome = elapsed, heard, outcome
+        self.elapsed, self.heard, self.outcome = elapsed, heard, outcome
         for timer in self._timers:
             timer.count(dt)
         for way in self._ways_while_running if outcome == "running" else self._ways:
@@ -190,21 +183,21 @@ class StateMachine:
     def _exited(self, reason: Exit) -> None:
         """Add the time in the state to that of the chains around it. The count continues only after
         a transition of the mission that does not enter the chain anew."""
-        taken, facts = reason.transition, self._facts
-        facts.chains = {
-            chain: seconds + facts.elapsed
-            for chain, seconds in facts.chains.items()
+        taken = reason.transition
+        self.chains = {
+            chain: seconds + self.elapsed
+            for chain, seconds in self.chains.items()
             if taken is not None and not (taken.enters and is_in(chain, taken.enters))
         }
         self._on_exit(reason)
 
     def _entered(self, _: Exit) -> None:
         """Restart the timers of the new state and report the entry to the owner."""
-        facts, name = self._facts, self.state
-        facts.chains = {chain: facts.chains.get(chain, 0.0) for chain in chains_of(name)}
+        name = self.state
+        self.chains = {chain: self.chains.get(chain, 0.0) for chain in chains_of(name)}
         self._watch(name)
         for timer in self._timers:
-            timer.held = None
+            timer.restart()
         self._on_enter(name)
 
     def _watch(self, name: str) -> None:
@@ -217,7 +210,7 @@ class StateMachine:
         while the state is active."""
         timers, ways, while_running = self._watched[state]
         for transition in sorted(leaving, key=lambda t: _ORDER[t.cause]):
-            way = _Way(_guard(transition, self._facts, conditions, timers), transition)
+            way = _Way(_guard(transition, self, conditions, timers), transition)
             ways.append(way)
             if transition.cause in ("next", "within"):
                 while_running.append(way)
@@ -285,8 +278,7 @@ class VehicleMachine(StateMachine):
         """Leave a state whose behavior did not start, as if the behavior had failed at once.
         refused: the states whose behavior has not started; they are not entered unless `give_up`
         leads there."""
-        facts = self._facts
-        facts.elapsed, facts.heard, facts.outcome = 0.0, _NOTHING, "failed"
+        self.elapsed, self.heard, self.outcome = 0.0, _NOTHING, "failed"
         for way in self._ways:
             if way.guard() and self._may_enter(way.transition, refused):
                 self._pull("step", Exit("refused", transition=way.transition))
@@ -325,24 +317,24 @@ def _is_due(transition: TransitionPlan) -> Callable[[Exit], bool]:
 
 
 def _guard(
-    transition: TransitionPlan, facts: _Facts, conditions: Conditions, timers: list[_Timer]
+    transition: TransitionPlan, machine: StateMachine, conditions: Conditions, timers: list[_Timer]
 ) -> Guard:
     """Return a guard that is true when everything that the transition requires holds; it is never
     true if nothing is required."""
     if transition.cause == "then":
-        return lambda: facts.outcome == "done"
+        return lambda: machine.outcome == "done"
     if transition.cause == "failed":
-        return lambda: facts.outcome == "failed"
+        return lambda: machine.outcome == "failed"
     guards: list[Guard] = []
     if transition.after is not None:
         after, chain = transition.after - _ROUNDING, transition.since
         if chain:
-            guards.append(lambda: facts.chains.get(chain, 0.0) + facts.elapsed >= after)
+            guards.append(lambda: machine.chains.get(chain, 0.0) + machine.elapsed >= after)
         else:
-            guards.append(lambda: facts.elapsed >= after)
+            guards.append(lambda: machine.elapsed >= after)
     if transition.event is not None:
         event = transition.event
-        guards.append(lambda: event in facts.heard)
+        guards.append(lambda: event in machine.heard)
     if transition.when is not None:
         condition = conditions(transition.when)
         guards.append(condition if transition.hold <= 0.0 else _held(condition, transition, timers))

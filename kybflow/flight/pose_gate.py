@@ -61,6 +61,9 @@ class Consistent(Generic[T]):
     def __init__(self) -> None:
         self.seen: list[T] = []
 
+    def forget(self) -> None:
+        self.seen = []
+
     def confirmed(self, observation: T) -> T | None:
         """Add an observation. Once there are `CONFIRMED` of them, return the first and clear the
         series; otherwise return None."""
@@ -128,10 +131,10 @@ class PoseTrack:
             if last is None:
                 self.first = pose
             if elsewhere.seen:
-                elsewhere.seen = []
+                elsewhere.forget()
             return None
         if elsewhere.seen and unexplained(elsewhere.seen[-1], pose) is not None:
-            elsewhere.seen = []
+            elsewhere.forget()
         first = elsewhere.confirmed(pose)
         if first is not None:
             self.first, self.last = first, pose

@@ -103,8 +103,11 @@ class Steering:
         self._weighed, self._age = 0.0, age
         if flies:
             self._mass.update(self._lift, estimate.velocity[2], weighed)
-        elif _asks_up(setpoint, above):
-            self._mass.spool_up(min(weighed, LONGEST_SPOOL))
+        else:
+            position, velocity = setpoint.position, setpoint.velocity
+            asks_up = velocity is None or velocity[2] > 0.0
+            if asks_up if position is None else position[2] > above:
+                self._mass.spool_up(min(weighed, LONGEST_SPOOL))
         self._carry()
 
     def _carry(self) -> None:
@@ -180,9 +183,3 @@ def turning(force: Vec3, jerk: Vec3, heading_rate: float, attitude: Quat) -> Vec
     k = 1.0 / (fx * fx + fy * fy + fz * fz)
     x, y, z = k * (fy * jz - fz * jy), k * (fz * jx - fx * jz), k * (fx * jy - fy * jx)
     return rotate_back(attitude, (x, y, z + heading_rate))
-
-
-def _asks_up(setpoint: Setpoint, above: float) -> bool:
-    if setpoint.position is not None:
-        return setpoint.position[2] > above
-    return setpoint.velocity is None or setpoint.velocity[2] > 0.0

@@ -157,7 +157,10 @@ def moved(
         change = shortened(sub(wanted, frame.velocity), _HARD * dt)
     velocity = add(frame.velocity, change)
     rate = _turning(frame, asked.rate, limits, reach, near, dt)
-    drift, turn = (ZERO, 0.0) if mean is None else _drift(frame, mean)
+    drift, turn = ZERO, 0.0
+    if mean is not None:
+        drift = shortened(scale(sub(mean.centre, frame.centre), AGREEING), _FASTEST)
+        turn = AGREEING * wrap(mean.heading - frame.heading)
     if surfaces:
         drift = bounded(drift, surfaces)
     step = add(scale(add(frame.velocity, velocity), 0.5 * dt), scale(drift, dt))
@@ -192,12 +195,6 @@ def _turning(
         if closing > allowed:
             share = min(share, allowed / closing)
     return rate * share
-
-
-def _drift(frame: MovingFrame, mean: MovingFrame) -> tuple[Vec3, float]:
-    """Return the velocity and the turn rate with which a frame drifts towards the mean of all."""
-    away = scale(sub(mean.centre, frame.centre), AGREEING)
-    return shortened(away, _FASTEST), AGREEING * wrap(mean.heading - frame.heading)
 
 
 def mean_frame(frames: Sequence[MovingFrame]) -> MovingFrame:

@@ -131,7 +131,10 @@ def laid(
     here: the vehicles' positions. places: in the frame. heading: the frame's heading. The result is
     cached, because all members ask for it in the same tick."""
     middle, origin = centroid(here), centroid(places)
-    starts = (heading,) if turned is not None else _angles(heading)
+    starts = [heading]
+    if turned is None:  # then the angles on both sides, the nearest first
+        steps = sorted(range(_ANGLES), key=lambda i: min(i, _ANGLES - i))
+        starts = [heading + 2.0 * pi * step / _ANGLES for step in steps]
     best, least = None, 0.0
     for start in starts:
         angle = start + (turned or 0.0)
@@ -148,13 +151,6 @@ def laid(
                 break
     assert best is not None
     return best
-
-
-def _angles(heading: float) -> tuple[float, ...]:
-    """Return the angles to start from: first the heading, then those on both sides, the nearest
-    first."""
-    steps = sorted(range(_ANGLES), key=lambda i: min(i, _ANGLES - i))
-    return tuple(heading + 2.0 * pi * step / _ANGLES for step in steps)
 
 
 def _best_angle(

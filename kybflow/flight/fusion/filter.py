@@ -121,7 +121,9 @@ class Filter:
         if seen is not None and not gate.passes(
             _as_pose(fix, seen.attitude), seen, self._bounds(fix)
         ):
-            self._refuse(fix, seen, self._believed(fix.time), flown)
+            belief = self._replay.at(fix.time)
+            own = None if state is None or belief is None else _reference(state, belief.nominal)
+            self._refuse(fix, seen, own, flown)
             return
         if fix.attitude is None:
             self._wander = sqrt(self._params.position_wander) * fix.deviation
@@ -148,12 +150,6 @@ class Filter:
         velocity = self._gate.opened(pose, reference, own, self._bounds(fix))
         if velocity is not None:
             self._begin(fix, flown, None if fix.attitude is None else velocity)
-
-    def _believed(self, time: Time) -> Reference | None:
-        """Return the filter's own reference, extrapolated from the newest measurement that passed;
-        None before the first."""
-        state, belief = self._replay.state, self._replay.at(time)
-        return None if state is None or belief is None else _reference(state, belief.nominal)
 
     def _doubts(self, state: FilterState) -> bool:
         since, last = state.doubted, state.missed

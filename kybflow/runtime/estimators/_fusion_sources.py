@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy
 
-from kybflow.core.geometry import Quat, Vec3, add, conjugate, integrate, multiply, norm, scale, sub
+from kybflow.core.geometry import Vec3, add, conjugate, integrate, multiply, norm, scale, sub
 from kybflow.core.signals import NS, Frame, Measurement, Pose, Position, Time
 from kybflow.flight.fusion.covariance import Matrix
 from kybflow.flight.fusion.params import FilterParams
@@ -56,7 +56,8 @@ class Jitter:
         self._last, self._moved = pose, None
         if last is None or since > GAP:
             return
-        turned = _turn(last.attitude, pose.attitude)
+        w, x, y, z = multiply(conjugate(last.attitude), pose.attitude)
+        turned = scale((x, y, z), 2.0 if w >= 0.0 else -2.0)  # the short way round
         self._moved = moved, _ = sub(pose.position, last.position), turned
         if before is not None:
             r, dt = since / self._since, since / NS
@@ -71,12 +72,6 @@ class Jitter:
 def _mean_square(v: Vec3) -> float:
     x, y, z = v
     return (x * x + y * y + z * z) / 3.0
-
-
-def _turn(a: Quat, b: Quat) -> Vec3:
-    """Return the short rotation vector from `a` to `b`."""
-    w, x, y, z = multiply(conjugate(a), b)
-    return scale((x, y, z), 2.0 if w >= 0.0 else -2.0)
 
 
 FARTHEST = 1e5
@@ -131,17 +126,11 @@ class _Poses:
         n = square**-0.5
         pose = Pose(measured.time, measured.position, (w * n, x * n, y * n, z * n))
         self._jitter.see(pose)
-        return Fix(*pose, self._now())
-
-    def _now(self) -> Matrix:
-        """Return the current covariance (6, 6) of a pose."""
-        position, attitude = self._jitter.position, self._jitter.attitude
-        if position <= self._position and attitude <= self._attitude:
-            return self._noise
-        declared = self._noise.diagonal()
-        found = numpy.repeat((position, attitude), 3)
-        noise: Matrix = numpy.diag(numpy.maximum(declared, found))
-        return noise
+        noise, position, attitude = self._noise, self._jitter.position, self._jitter.attitude
+        if position > self._position or attitude > self._attitude:
+            found = numpy.repeat((position, attitude), 3)
+            noise = numpy.diag(numpy.maximum(noise.diagonal(), found))
+        return Fix(*pose, noise)
 
 
 def _position(noise: Matrix, measured: Measurement) -> Fix | None:

@@ -98,15 +98,6 @@ class Fusion(Estimator[FusionParams]):
                 self.filter.add_imu(measurement)
         self.filter.take(self._read(measurements), now)
         self.refusal = self.filter.refusal
-        return self._estimate(now)
-
-    def anchor(self, estimate: Estimate) -> None:
-        self.filter.anchor(estimate)
-
-    def _saw(self, sighting: Sighting | None) -> None:
-        self.sighting = sighting
-
-    def _estimate(self, now: Time) -> Estimate | None:
         nominal, state = self.filter.nominal, self.filter.state
         if nominal is None or state is None or not self.filter.is_known:
             return None
@@ -127,6 +118,12 @@ class Fusion(Estimator[FusionParams]):
             (now - state.fused) / NS,
             self.filter.spread,
         )
+
+    def anchor(self, estimate: Estimate) -> None:
+        self.filter.anchor(estimate)
+
+    def _saw(self, sighting: Sighting | None) -> None:
+        self.sighting = sighting
 
 
 def _is_sound(imu: Imu) -> bool:

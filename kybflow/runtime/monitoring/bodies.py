@@ -133,7 +133,10 @@ class Bodies:
             if pose.time <= body.stamp or not _is_sound(pose):
                 continue
             if body.repeats(pose, in_air):
-                self._froze(body, findings)
+                since, bound = (body.stamp - body.changed) / NS, self._bounds.frozen
+                if since > bound and not body.trouble.is_known(BodyFroze):
+                    findings.append(body.trouble.found(BodyFroze(value=since, bound=bound)))
+                body.trouble.count_anew()
             else:
                 self._follow(name, body, pose, findings)
                 if not body.of:
@@ -149,19 +152,13 @@ class Bodies:
         """Return when a body counts as lost if no pose arrives. It must have been judged before."""
         return self._bodies[name].due
 
-    def _froze(self, body: _Body, findings: list[VehicleEvent]) -> None:
-        since, bound = (body.stamp - body.changed) / NS, self._bounds.frozen
-        if since > bound and not body.trouble.is_known(BodyFroze):
-            findings.append(body.trouble.found(BodyFroze(value=since, bound=bound)))
-        body.trouble.count_anew()
-
     def _follow(self, name: str, body: _Body, pose: Pose, findings: list[VehicleEvent]) -> None:
         """Process a new pose: detect a recovery, a jump or a swap."""
         if body.trouble.finding is not None and body.trouble.is_over():
             findings.append(BodyRecovered())
         last = body.track.last
         if last is not None and pose.time - last.time > _MEMORY:
-            body.of = self._believer(name, pose)
+            body.receive(self._believer(name, pose))
             if body.of:
                 value, bound = distance(pose.position, last.position), self._bounds.near
                 findings.append(BodySwapped(other=body.of, value=value, bound=bound))
@@ -175,7 +172,8 @@ class Bodies:
             if other
             else BodyJumped(value=value, bound=bound)
         )
-        body.left, body.of = last, self._believer(name, first) if body.of else other
+        body.leave(last)
+        body.receive(self._believer(name, first) if body.of else other)
 
     def _believer(self, name: str, pose: Pose) -> str:
         """Return the name of the other vehicle whose estimate is at `pose`; empty if there is none,
@@ -224,6 +222,14 @@ class _Body:
         self._before: Time | None = None
         self._last: Pose | None = None
         self._wavered = 0
+
+    def receive(self, of: str) -> None:
+        """Record whose poses arrive from now on; empty if they are the body's own."""
+        self.of = of
+
+    def leave(self, last: Pose) -> None:
+        """Record the last pose before a jump."""
+        self.left = last
 
     def expect(self, unknown: Time, lost: Time) -> Time:
         """Set `due` to three intervals, but at least `lost`, after the last pose; or to `unknown`

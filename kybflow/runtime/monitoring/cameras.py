@@ -63,7 +63,6 @@ from kybflow.runtime.monitoring.bodies import Trouble, nearest
 from kybflow.world.cameras import Camera
 
 if TYPE_CHECKING:
-    from kybflow.vision.locating.locate import Located
     from kybflow.vision.locating.locator import Sighting
 
 _KEPT = 512
@@ -82,6 +81,10 @@ class EstimateHistory:
     def __init__(self) -> None:
         self.is_asked = False
         self._kept: dict[str, deque[Estimate]] = {}
+
+    def ask(self) -> None:
+        """Keep estimates from now on, because a monitor uses them."""
+        self.is_asked = True
 
     def note(self, vehicle: str, estimate: Estimate) -> None:
         """Keep the newest estimate of a vehicle."""
@@ -237,21 +240,22 @@ class Sightings:
         if not in_air:  # a person may carry the vehicle around
             self._tracks.clear()
             return findings
-        place = self._placed(time, located)
-        if place is not None:
-            camera = _names(located)
+        believed = self._fleet.at(self._vehicle, time)
+        if believed is not None:
+            off = distance(located.position, believed.position)
+            deviation = sqrt(max(0.0, *located.covariance.diagonal()[:3].tolist()))
+            bound = NEAR + 4.0 * (believed.spread + deviation)
+            place = _Place(time, located.position, off, bound)
+            names = (view.camera.name for view in located.views if len(view.tags))
+            camera = _AND.join(dict.fromkeys(names))
             track = self._tracks.setdefault(camera, _Track(self._timeout))
             findings += track.follow(place, camera, self._whose)
             if place.value <= place.bound:
-                findings += self._agreed(camera)
+                # a good pose that several cameras gave together is good for each of them
+                for name, other in self._tracks.items():
+                    if name != camera and name in camera.split(_AND) and other.trouble.is_over():
+                        findings.append(CameraRecovered(camera=name))
         return findings
-
-    def _agreed(self, cameras: str) -> Iterator[VehicleEvent]:
-        """Count a good pose that several cameras gave together as a good observation of each of
-        these cameras."""
-        for name, track in self._tracks.items():
-            if name != cameras and name in cameras.split(_AND) and track.trouble.is_over():
-                yield CameraRecovered(camera=name)
 
     def _blind(self, time: Time, in_air: bool) -> list[VehicleEvent]:
         if self._posed is None or not in_air:
@@ -262,14 +266,6 @@ class Sightings:
             return []
         self.lost = True
         return [TagsLost(value=since, bound=self._timeout)]
-
-    def _placed(self, time: Time, located: Located) -> _Place | None:
-        believed = self._fleet.at(self._vehicle, time)
-        if believed is None:
-            return None
-        off = distance(located.position, believed.position)
-        deviation = sqrt(max(0.0, *located.covariance.diagonal()[:3].tolist()))
-        return _Place(time, located.position, off, NEAR + 4.0 * (believed.spread + deviation))
 
     def _whose(self, place: _Place) -> str:
         """Return the name of the other vehicle whose estimate was at `place`, empty if none was."""
@@ -299,7 +295,7 @@ class _Track:
         )
         is_off = place.value > place.bound
         if went:
-            elsewhere.seen = []
+            elsewhere.forget()
             trouble.count_anew()
         if trouble.finding is not None and not is_off and (went or trouble.good):
             if trouble.is_over():
@@ -315,12 +311,6 @@ class _Track:
                 if other
                 else CameraJumped(camera=camera, value=value, bound=bound)
             )
-
-
-def _names(located: Located) -> str:
-    """Return the names of the cameras whose frames gave this pose, joined by commas."""
-    names = (view.camera.name for view in located.views if len(view.tags))
-    return _AND.join(dict.fromkeys(names))
 
 
 class SeeingEstimator(Protocol):
@@ -340,7 +330,8 @@ class CameraMonitor:
         asking = [p.at for p in parts if Frame in p.cls.uses(p.params)]
         self._at = asking[0] if asking else ""
         self.is_asked = bool(asking)
-        fleet.is_asked = fleet.is_asked or self.is_asked
+        if asking:
+            fleet.ask()
         self._streams = CameraStreams(plan.cameras)
         self._sightings = Sightings(plan.name, plan.cameras, fleet)
         self._seen: dict[str, object] = {}

@@ -126,20 +126,16 @@ class PotentialField(Processor[PotentialFieldParams]):
         if p.treat_as_obstacles is not self._nearby.others:
             self._nearby.count(p.treat_as_obstacles)
         follower.resume(setpoint, tick)
-        repelled = self._repulsion(tick)
+        farthest = max(p.farthest, p.nearest + 1e-3)
+        potential = Potential(p.level, p.above, p.nearest, farthest, p.gain, p.saturation)
+        near = self._nearby.near(tick.known().position, 0.0, tick, lambda _: potential.reach)
+        repelled = push(near, potential)
         if setpoint.kind is SetpointKind.POSITION:
             return self._shifted(setpoint, repelled, tick.dt)
         if repelled == ZERO:
             return setpoint
         velocity = add(setpoint.velocity or ZERO, shortened(repelled, p.speed))
         return setpoint._replace(velocity=velocity, acceleration=ZERO, jerk=None)
-
-    def _repulsion(self, tick: Tick) -> Vec3:
-        p = self.params
-        farthest = max(p.farthest, p.nearest + 1e-3)
-        potential = Potential(p.level, p.above, p.nearest, farthest, p.gain, p.saturation)
-        near = self._nearby.near(tick.known().position, 0.0, tick, lambda _: potential.reach)
-        return push(near, potential)
 
     def _shifted(self, setpoint: Setpoint, repelled: Vec3, dt: float) -> Setpoint:
         p, follower, asked = self.params, self._follower, motion_of(setpoint)

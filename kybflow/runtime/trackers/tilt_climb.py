@@ -113,7 +113,10 @@ class TiltClimb(Tracker[TiltClimbParams]):
         if position is not None:
             ex, ey = position[0] - estimate.position[0], position[1] - estimate.position[1]
             ax, ay = ax + k * ex, ay + k * ey
-            if self._flies(estimate.position[2]) and not self._limited and dt < LONGEST_STEP:
+            if self._floor is None:
+                self._floor = estimate.position[2]
+            flies = estimate.position[2] > self._floor + p.lift_off
+            if flies and not self._limited and dt < LONGEST_STEP:
                 most = p.integral_limit
                 ix = max(-most, min(most, ix + i * dt * ex))
                 iy = max(-most, min(most, iy + i * dt * ey))
@@ -130,11 +133,6 @@ class TiltClimb(Tracker[TiltClimbParams]):
         if setpoint.position is not None:
             speed += self.params.height * (setpoint.position[2] - estimate.position[2])
         return max(-self._airframe.climb, min(self._airframe.climb, speed))
-
-    def _flies(self, height: float) -> bool:
-        if self._floor is None:
-            self._floor = height
-        return height > self._floor + self.params.lift_off
 
 
 def delay(inner: InnerLoop) -> float:

@@ -229,7 +229,7 @@ class BehaviorRunner:
         if self._resumes:
             self._resumes = False
             self._blend = SetpointBlend(tick.now, tick.setpoint, output)
-        return output if self._blend is None else self._blended(output, tick.now)
+        return output if self._blend is None else self._blended(self._blend, output, tick.now)
 
     def _emitted(self, emitting: Emitting) -> Setpoint | Done:
         """Emit one of the behavior's `own_events`. Raises PartError for any other."""
@@ -259,9 +259,8 @@ class BehaviorRunner:
             waits = BehaviorWaits(behavior=self.machine.state, reason=self._waits_for)
             self._events.emit(waits, self._name, self.state.at)
 
-    def _blended(self, asked: Setpoint, now: Time) -> Setpoint:
-        assert self._blend is not None
-        blended = self._blend.added(asked, now)
+    def _blended(self, blend: SetpointBlend, asked: Setpoint, now: Time) -> Setpoint:
+        blended = blend.added(asked, now)
         if blended is None:
             self._blend = None
         return blended or asked
@@ -415,7 +414,10 @@ class BehaviorRunner:
         if reason.transition is not None and reason.transition.emit is not None:
             self._events.emit(Custom(reason.transition.emit), at=reason.at)
         if reason.how in ("failed", "refused", "within"):
-            self._score_unforeseen(reason)
+            handled = (t for t in self.state.transitions if t.cause == "failed")
+            if all(transition.implied for transition in handled):  # the mission doesn't handle it
+                after = None if reason.transition is None else reason.transition.after
+                self._score.failure(self._reason or f"not done within {after:g} s")
         if reason.how != "refused":
             self._refused = frozenset()
         self._outcome, self._reason = "running", ""
@@ -488,14 +490,6 @@ class BehaviorRunner:
     def _leaves_ground(self, state: StatePlan) -> bool:
         """Return whether entering `state` now is a take-off."""
         return self.flight is GROUND and any(leg == (GROUND, AIR) for leg in state.legs)
-
-    def _score_unforeseen(self, reason: Exit) -> None:
-        """Count the failure if the mission does not handle it."""
-        failed = (t for t in self.state.transitions if t.cause == "failed")
-        if all(transition.implied for transition in failed):
-            taken = reason.transition
-            after = taken.after if taken is not None else None
-            self._score.failure(self._reason or f"not done within {after:g} s")
 
 
 def unfit(state: StatePlan, flight: Flight, estimated: bool) -> str | None:

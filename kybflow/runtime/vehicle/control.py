@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Set
 from contextlib import suppress
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import OptionRefused, PartError, PartFailed
 from kybflow.core.events import Emitting
@@ -29,13 +29,14 @@ _LEAST, _LEAST_SPEED = 0.02, 0.05
 _QUIET = NS // 2
 
 
-class _Clamp:
+class _Clamp(NamedTuple):
     """An active clamp. since: when it began. last: when it last changed a setpoint. most: its
     largest deviation, in `unit`."""
 
-    def __init__(self, now: Time) -> None:
-        self.since = self.last = now
-        self.most, self.unit = 0.0, "m"
+    since: Time
+    last: Time
+    most: float
+    unit: str
 
 
 class Clamps:
@@ -62,17 +63,21 @@ class Clamps:
     def note(self, label: str, asked: Setpoint, given: Setpoint, now: Time) -> str | None:
         """Compare the setpoints before and after a clamping processor. Return a description of how
         it keeps the vehicle from its goal, or None if it doesn't."""
-        off, least, unit = _off(asked, given)
+        if asked.position is not None and given.position is not None:
+            off, least, unit = distance(asked.position, given.position), _LEAST, "m"
+        else:
+            off = distance(asked.velocity or ZERO, given.velocity or ZERO)
+            least, unit = _LEAST_SPEED, "m/s"
         if off < least:
             return None
         name = self._names[label]
         words = f"`{name}` keeps the setpoint {format_measured(off, unit)} off what is wanted"
         clamp = self.active.get(label)
         if clamp is None:
-            clamp = self.active[label] = _Clamp(now)
+            clamp = _Clamp(now, now, off, unit)
             at = self._lines[label]
             self._events.emit(ClampStarted(processor=name, reason=words), self._vehicle, at)
-        clamp.last, clamp.unit, clamp.most = now, unit, max(clamp.most, off)
+        self.active[label] = _Clamp(clamp.since, now, max(clamp.most, off), unit)
         return words if unit == "m" else None
 
     def settle(self, now: Time) -> None:
@@ -86,14 +91,6 @@ class Clamps:
                 seconds=(clamp.last - clamp.since) / NS,
             )
             self._events.emit(ended, self._vehicle, self._lines[label])
-
-
-def _off(asked: Setpoint, given: Setpoint) -> tuple[float, float, str]:
-    """Return the deviation of `given` from `asked`, the least deviation that counts, and the unit
-    of both."""
-    if asked.position is not None and given.position is not None:
-        return distance(asked.position, given.position), _LEAST, "m"
-    return distance(asked.velocity or ZERO, given.velocity or ZERO), _LEAST_SPEED, "m/s"
 
 
 Commanded = tuple[Command, Setpoint | None]

@@ -339,12 +339,6 @@ class Estimation:
         self._others = [c for c in self._others if c is not failed]
         self._report(PartFailed(failed.label, error))
 
-    def _gain(self, name: str) -> str:
-        """Return why the estimator `name` replaces another that can still be used."""
-        if not self._is_reordered:
-            return f"`{name}` is healthy again"
-        return f"`{name}` comes first {'in this behavior' if self._preferred else 'again'}"
-
     def _blended(self, estimate: Estimate | None, now: Time) -> Estimate | None:
         if self._blend is None or estimate is None:
             return estimate
@@ -353,31 +347,32 @@ class Estimation:
             return estimate
         return self._blend.applied(estimate)
 
-    def _why(self, previous: Candidate) -> str:
-        """Return why `previous` can't be used any more, with the cause if it is known; empty if it
-        can still be used."""
-        known = self._known(previous.uses) if previous.is_starved else ""
-        return f"{previous.trouble}; {known}" if known else previous.trouble
-
     def _change(self, chosen: Candidate | None, estimate: Estimate | None, now: Time) -> None:
         previous, self._in_use = self._in_use, chosen
         self._others = [c for c in self._anchored if c is not chosen]
         before, reason = None, "there was none" if self._was_used else "the first estimate"
         if previous is not None:
-            before, reason = previous.name, self._why(previous)
+            before, reason = previous.name, previous.trouble
+            known = self._known(previous.uses) if previous.is_starved else ""
+            if known:
+                reason += f"; {known}"
         self._was_used = True
         last, self._blend = self._flown, None
         if chosen is None or estimate is None:
             self._events.emit(EstimatorLost(previous=before, reason=reason), self._vehicle)
             self._score.estimator("", now / NS)
             return
+        gain = f"`{chosen.name}` is healthy again"
+        if self._is_reordered:
+            when = "in this behavior" if self._preferred else "again"
+            gain = f"`{chosen.name}` comes first {when}"
         offset = 0.0
         if last is not None:
             offset, self._blend = EstimateBlend.between(last, estimate)
         changed = EstimatorChanged(
             estimator=chosen.name,
             previous=before,
-            reason=reason or self._gain(chosen.name),
+            reason=reason or gain,
             offset=offset,
             blended=self._blend is not None,
         )
@@ -415,9 +410,8 @@ class ExternalPosition:
             self._is_echo = True
         elif source not in self._inertial:
             self._is_echo = False
-        return self._other() if self._is_echo else flown
-
-    def _other(self) -> Estimate | None:
+        if not self._is_echo:
+            return flown
         inside = self._own | self._inertial
         for candidate in self._estimation.candidates:
             if candidate.name not in inside and candidate.is_usable:

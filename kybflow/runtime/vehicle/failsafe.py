@@ -350,15 +350,12 @@ class Reactions:
                 self._cut = tick.now
                 self._link.cut(tick.now)
             runner.enter_built_in(response.in_air, grounded=cuts)
-            if self._link.prefers_land_mode(reaction) and not self._is_above_another(tick):
-                runner.start_land_mode(tick.now)
+            if self._link.prefers_land_mode(reaction):
+                own, context = tick.estimate, runner.entry().context
+                # the vehicle's own land mode wouldn't notice another vehicle below
+                if own is None or vehicle_below(context, own.position, tick.fleet) is None:
+                    runner.start_land_mode(tick.now)
         return True
-
-    def _is_above_another(self, tick: Tick) -> bool:
-        """Return whether another vehicle is below, which the vehicle's own land mode wouldn't
-        notice."""
-        own, context = tick.estimate, self._runner.entry().context
-        return own is not None and vehicle_below(context, own.position, tick.fleet) is not None
 
     def alarm(self, label: str, alarm: Alarm, tick: Tick) -> bool:
         """React to an alarm of the part `label`; return whether that changed anything."""

@@ -140,7 +140,10 @@ class LinkIn:
             self.truth = self._truth()
             if measurements or self.heard is None:
                 if self._link.is_heard or self._alive is None:
-                    self._note_alive(now)
+                    if self._alive is not None and now - self._alive > SILENCE * NS:
+                        back = LinkReturned(value=(now - self._alive) / NS)
+                        self._events.emit(back, self._vehicle, self._at)
+                    self._alive = now
                 self.heard, self.delay = now, self._link.delay
                 measurements = accept(measurements, now)
         except Exception as error:  # a driver may raise anything
@@ -173,13 +176,6 @@ class LinkIn:
         if not isinstance(self._link, ReportsChecks):
             return ()
         return self._guard.attempt(self._link.checks, now) or ()
-
-    def _note_alive(self, now: Time) -> None:
-        """Record that the vehicle itself sent a message; emit `LinkReturned` after a silence."""
-        if self._alive is not None and now - self._alive > SILENCE * NS:
-            silence = (now - self._alive) / NS
-            self._events.emit(LinkReturned(value=silence), self._vehicle, self._at)
-        self._alive = now
 
 
 class LinkOut:

@@ -136,20 +136,16 @@ class ArmingWatch:
             self._emit("it has landed, is asked to disarm, and stays armed")
         if waited >= FORCED and not self._forced and stands:
             self._forced = True
-            self._force(tick.now)
+            try:
+                self._link.disarm_by_force(tick.now)
+                self._emit("it stands still on the ground: disarmed by force")
+            except Refused as refusal:
+                self._emit(f"it can't be disarmed by force: {refusal}")
         if waited >= GIVEN_UP and not self.gave_up:
             self.gave_up = True
             reason = f"it has landed, and is still armed after {GIVEN_UP // NS} s: disarm it"
             self._emit(reason)
             self._score.failure(reason)
-
-    def _force(self, now: Time) -> None:
-        try:
-            self._link.disarm_by_force(now)
-        except Refused as refusal:
-            self._emit(f"it can't be disarmed by force: {refusal}")
-        else:
-            self._emit("it stands still on the ground: disarmed by force")
 
     def _has_stood(self, known: Estimate | None, now: Time) -> bool:
         """Return whether the estimate has stood still on the ground for `STOOD`."""
@@ -217,8 +213,8 @@ class ManualOverride:
         return self.away
 
     def _follow(self, tick: Tick, answer: Callable[[Time], None]) -> None:
-        override = self._link.override
-        if override is None or not self._runner.off_ground:
+        override, runner = self._link.override, self._runner
+        if override is None or not runner.off_ground:
             self._lost = None
             if self.away:
                 self._emit(ControlReturned())
@@ -230,7 +226,11 @@ class ManualOverride:
                 self._emit(ControlLost(reason=override.reason))
             lost = Alarm("control_lost", Reaction.LAND, override.reason)
             self._reactions.react(RaisedAlarm(lost, self._plan.driver.at), tick)
-            self._bring_down(override, tick.now)
+            comes_down = runner.machine.state in (AUTO_LAND, LAND_BLIND) and self._link.can_land
+            if comes_down and override is not self._landed_for:  # once per override
+                self._landed_for = override
+                if runner.land_mode is None:
+                    runner.start_land_mode(tick.now)
         else:
             self._stand_by(override, tick, answer)
 
@@ -255,15 +255,6 @@ class ManualOverride:
             self.away = False
             self._score.failure(override.reason)
             runner.enter_built_in(LANDED, grounded=True)
-
-    def _bring_down(self, override: Override, now: Time) -> None:
-        """Request the land mode of a vehicle that doesn't follow commands, once per override."""
-        comes_down = self._runner.machine.state in (AUTO_LAND, LAND_BLIND)
-        if override is self._landed_for or not (comes_down and self._link.can_land):
-            return
-        self._landed_for = override
-        if self._runner.land_mode is None:
-            self._runner.start_land_mode(now)
 
     def _take_back(self) -> None:
         """Resume the frozen behavior from the vehicle's current position."""
