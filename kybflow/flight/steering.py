@@ -47,12 +47,12 @@ _ATTITUDE_THRUST = CommandKind.ATTITUDE_THRUST
 
 
 class Steering:
-    """Turns a tracker's force into commands. Exists as long as its tracker, which calls `weigh`,
-    `attitude` and `command` every tick.
+    """Turns a tracker's force into commands. Has the lifetime of its tracker, which calls
+    `weigh`, `attitude` and `command` every tick.
 
     flies: whether the vehicle is above the ground. limited: whether the last force was limited.
-    learns: whether integrals may be updated, which excludes the ground, a limited force and a long
-    step. trim: the slope along x and y that corrects the autopilot's attitude error. force_along:
+    learns: whether integrals may be updated: not on the ground, while the force is limited, or
+    after a long step. trim: the slope along x and y that corrects the autopilot's attitude error. force_along:
     the specific force of the last command along the estimated body z, m/s^2.
     """
 

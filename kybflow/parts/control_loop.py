@@ -56,7 +56,8 @@ class Estimator(Part[P]):
 
     @classmethod
     def uses(cls, params: P) -> frozenset[MeasurementKind]:
-        """Return the kinds of `needs` that are needed with these parameters."""
+        """Return those kinds of measurement in `needs` that the part requires with these
+        parameters."""
         return cls.needs
 
     @abstractmethod

@@ -138,9 +138,9 @@ def least_bad(wanted: Vec3, demands: Sequence[Demand], strongest: float) -> Vec3
 def stopped(
     wanted: Vec3, velocity: Vec3, demands: Sequence[Demand], strongest: float, dt: float
 ) -> Vec3 | None:
-    """Return an acceleration that fulfils the demands, like `filtered`, except that a vehicle
-    heading for something brakes along its path, no harder than necessary. It slides along the
-    hazard only if its path leads past it."""
+    """Return an acceleration that meets the demands, as `filtered` does, except that a vehicle that
+    is heading for a hazard brakes along its path, no harder than necessary. The vehicle slides
+    along a hazard only if its path leads past it."""
     broken = [d for d in demands if not d.holds(wanted)]
     heading = add(velocity, scale(wanted, dt))
     steep = -_STEEP * norm(heading)

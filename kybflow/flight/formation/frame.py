@@ -65,7 +65,8 @@ class MovingFrame(NamedTuple):
         return [(c * x - s * y, s * x + c * y, z) for x, y, z in vectors]
 
     def motion(self, place: Motion) -> Motion:
-        """Return the world motion of a place, which may move in the frame."""
+        """Return the motion, in the world frame, of a place that may itself move within the
+        formation's frame."""
         w = self.rate
         o, u, b = self.all_turned((place.position, place.velocity, place.acceleration))
         velocity = add(add(self.velocity, self.drift), (u[0] - w * o[1], u[1] + w * o[0], u[2]))

@@ -63,8 +63,8 @@ def _beside(place: Vec3, apart: float) -> Iterator[Vec3]:
 
 
 class WayToPlace:
-    """A motion in the frame from `start` along `points`, with a stop at each. A straight one takes
-    as long as a path of the length `length`."""
+    """A motion in the formation's frame from `start` through `points`, with a stop at each. length:
+    if the path is straight, it takes as long as a path of this length."""
 
     def __init__(
         self,

@@ -260,8 +260,8 @@ class Vibration:
 
 
 class Scatter:
-    """Measures the scatter of a quantity's samples. variance: the variance per axis that it adds to
-    the quantity's integral in one second."""
+    """Measures the scatter of a quantity's samples. variance: the variance per axis that the
+    scatter adds to the quantity's integral in one second."""
 
     __slots__ = ("_before", "_last", "_seen", "variance")
 

@@ -97,7 +97,8 @@ class Filter:
         return self._replay.at(time) if self.is_known else None
 
     def anchor(self, estimate: Estimate) -> None:
-        """Accept the estimate of another estimator, on which the vehicle flies."""
+        """Compare measurements with the estimate of another estimator, on which the vehicle flies,
+        from now on."""
         self._gate.flown = estimate
 
     def add_imu(self, imu: Imu) -> None:

@@ -105,7 +105,7 @@ class EstimateBlend:
         return far, cls(new.time, position, velocity, turn)
 
     def applied(self, estimate: Estimate) -> Estimate:
-        """Return `estimate` with the offset that remains at its time added."""
+        """Return `estimate` plus the part of the offset that remains at the estimate's time."""
         t = (estimate.time - self.time) / NS
         fading = exp(-DECAY * t)
         pull = self._pull
