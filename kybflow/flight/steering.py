@@ -52,8 +52,8 @@ class Steering:
 
     flies: whether the vehicle is above the ground. limited: whether the last force was limited.
     learns: whether integrals may be updated: not on the ground, while the force is limited, or
-    after a long step. trim: the slope along x and y that corrects the autopilot's attitude error. force_along:
-    the specific force of the last command along the estimated body z, m/s^2.
+    after a long step. trim: the slope along x and y that corrects the autopilot's attitude error.
+    force_along: the specific force of the last command along the estimated body z, m/s^2.
     """
 
     __slots__ = (

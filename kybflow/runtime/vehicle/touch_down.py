@@ -83,8 +83,8 @@ class TouchDown:
         return f"its estimate has it {above:.2f} m above the ground"
 
     def _is_still(self, height: float, now: Time, is_pushed: bool) -> bool:
-        """Return whether the vehicle has claimed for `LONG` to be on the ground, at a constant height
-        although it is commanded to descend."""
+        """Return whether the vehicle has claimed for `LONG` to be on the ground, at a constant
+        height although it is commanded to descend."""
         last, self._last = self._last, now
         if (
             not is_pushed
