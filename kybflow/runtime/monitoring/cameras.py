@@ -141,8 +141,7 @@ class CameraStreams:
             if stream is None:
                 stream = _CameraStream(frame.camera, self._cameras[frame.camera].rate)
                 self._streams[frame.camera] = stream
-            stream.last = now
-            findings += stream.judge(frame, in_air)
+            findings += stream.judge(frame, now, in_air)
         for stream in self._streams.values():
             findings += stream.miss(now)
         waiting = (s for s in self._streams.values() if not s.trouble.is_known(CameraLostEvent))
@@ -164,8 +163,9 @@ class _CameraStream:
         self._changed: Time = 0
         self._sample: Any = None
 
-    def judge(self, frame: Frame, in_air: bool) -> Iterator[VehicleEvent]:
-        trouble = self.trouble
+    def judge(self, frame: Frame, now: Time, in_air: bool) -> Iterator[VehicleEvent]:
+        """Judge a frame that arrived at `now`; yield the findings."""
+        self.last, trouble = now, self.trouble
         if self._repeats(frame) and (in_air or trouble.is_known(CameraFroze)):
             since = (frame.time - self._changed) / NS
             bound = self.freeze_timeout
