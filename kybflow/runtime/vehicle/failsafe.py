@@ -1,6 +1,9 @@
-"""The failsafe of one vehicle: decides which reaction follows an alarm.
+"""The failsafe of one vehicle: decides which reaction follows an alarm (`Failsafe`), and carries it
+out (`Reactions`).
 
-`RESPONSES` lists what each reaction does. These rules depend on what happened before:
+In every tick, `Decision` calls `Failsafe.check` and passes the severest alarm to `Reactions.react`.
+`RESPONSES` lists what each reaction does; the behavior of each built-in state that it names is in
+`kybflow.dsl.names.built_in.BUILT_IN`. These rules depend on what happened before:
 
 - An alarm that persists is reported once.
 - A latched reaction is replaced only by a severer one, until the vehicle is reset in `fault`, on
