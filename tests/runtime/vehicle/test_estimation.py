@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import exp, nan
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -32,7 +34,13 @@ from kybflow.flight.pose_gate import Refusal
 from kybflow.parts import Estimator
 from kybflow.runtime.events import Events
 from kybflow.runtime.scores import VehicleScore
-from kybflow.runtime.vehicle.estimation import DECAY, OVER, EstimateBlend, Estimation
+from kybflow.runtime.vehicle.estimation import (
+    DECAY,
+    OVER,
+    EstimateBlend,
+    Estimation,
+    ExternalPosition,
+)
 from kybflow.world.vehicle_context import VehicleContext
 
 SITE = VehicleContext("a", NANO, ZERO, 0.0, FENCE, 0.1)
@@ -437,3 +445,64 @@ def test_the_tracking_of_the_largest_offset_is_never_two_centimetres_off():
         x += v * TICK / NS
     assert worst < 0.02
     assert x == pytest.approx(0.3, abs=0.005)
+
+
+class Believed:
+    """The estimators of a vehicle: which one is in use, and which can be."""
+
+    def __init__(self, *names: str) -> None:
+        self.names, self.source, self.usable = names, names[0], set(names)
+
+    @property
+    def candidates(self) -> list[Any]:
+        return [
+            SimpleNamespace(name=name, is_usable=name in self.usable, estimate=estimate(name))
+            for name in self.names
+        ]
+
+
+def estimate(source: str) -> Estimate:
+    return Estimate(0, ZERO, ZERO, LEVEL, ZERO, source, 0.0, 0.01)
+
+
+def telling(*parts: tuple[str, str]) -> tuple[ExternalPosition, Believed]:
+    """Of estimators with these names in the mission, each of a part."""
+    plans = [
+        SimpleNamespace(part=replace(part("estimators", use), label=f"estimators.{name}"))
+        for name, use in parts
+    ]
+    believed = Believed(*(name for name, _ in parts))
+    return ExternalPosition(SimpleNamespace(estimators=plans), believed), believed  # type: ignore[arg-type]
+
+
+def told(tells: ExternalPosition, believed: Believed, source: str | None) -> str | None:
+    believed.source = source  # type: ignore[assignment]
+    found = tells.of(None if source is None else estimate(source))
+    return None if found is None else found.source
+
+
+def test_its_own_estimate_is_not_told_to_it_under_another_name():
+    tells, believed = telling(("on_board", "autopilot"))
+    assert told(tells, believed, "on_board") is None
+
+
+def test_one_that_flies_on_its_own_estimate_is_still_told_of_another():
+    tells, believed = telling(("autopilot", "autopilot"), ("mocap", "mocap"))
+    assert told(tells, believed, "autopilot") == "mocap"
+    believed.usable.discard("mocap")
+    assert told(tells, believed, "autopilot") is None
+
+
+@pytest.mark.parametrize(("before", "is_told"), [("mocap", True), ("autopilot", False)])
+def test_dead_reckoning_is_told_where_what_it_began_from_was_from_outside(before, is_told):
+    tells, believed = telling(
+        ("mocap", "mocap"), ("autopilot", "autopilot"), ("inertial", "inertial")
+    )
+    believed.usable.discard("mocap")
+    assert told(tells, believed, before) == (before if is_told else None)
+    assert told(tells, believed, "inertial") == ("inertial" if is_told else None)
+    assert told(tells, believed, None) is None
+    assert told(tells, believed, "inertial") == ("inertial" if is_told else None)
+    believed.usable.add("mocap")
+    assert told(tells, believed, "mocap") == "mocap"
+    assert told(tells, believed, "inertial") == "inertial"
