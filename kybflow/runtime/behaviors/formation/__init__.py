@@ -6,7 +6,7 @@ takes which place (`kybflow.flight.formation.places`), and all glide to their pl
 time. From then on each member moves its own copy of the formation's frame, by hand, along a path or
 behind a leader, and lets it drift towards the copies that its neighbours publish
 (`kybflow.flight.formation.frame`). No member commands the others. A member that enters while others
-are in formation takes a free place by a path around the others (`kybflow.flight.formation.ways`),
+are in formation takes a free place by a path around the others (`kybflow.flight.formation.frame`),
 and joins them on the way to their next corner. A member that changes to another state with the same
 formation keeps its place.
 
@@ -49,11 +49,11 @@ from kybflow.flight.formation.frame import (
     Asked,
     FrameLimits,
     MovingFrame,
+    WayToPlace,
     distance_error,
     moved,
 )
 from kybflow.flight.formation.places import TakenPlaces, seen_from
-from kybflow.flight.formation.ways import WayToPlace
 from kybflow.flight.motion import STEEPEST, Motion, smoothstep
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, Objection, param, params
 from kybflow.parts.behavior import SPEED_SHARE

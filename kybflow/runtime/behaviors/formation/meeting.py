@@ -3,7 +3,7 @@
 The member comes to rest and waits. When all members have come, each computes from the same messages
 how the shape is laid out and who takes which place (`kybflow.flight.formation.places`). Members
 that come while others are already in formation share the free places among themselves, and fly
-there on paths around the others (`kybflow.flight.formation.ways`). World frame, metres, radians.
+there on paths around the others (`kybflow.flight.formation.frame`). World frame, metres, radians.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ from typing import NamedTuple
 from kybflow.core.geometry import ZERO, Vec3, add
 from kybflow.core.signals import NS, Time
 from kybflow.flight.formation import places
-from kybflow.flight.formation.frame import MovingFrame, longest, mean_frame, mean_heading
-from kybflow.flight.formation.ways import clear_way
+from kybflow.flight.formation.frame import MovingFrame, clear_way, longest, mean_frame, mean_heading
 from kybflow.flight.motion import Coast, Motion
 from kybflow.runtime.behaviors.formation.members import WAITING, Member
 from kybflow.runtime.behaviors.formation.room import FormationRoom, FormationRoomParams
