@@ -50,9 +50,9 @@ TIMEOUT, SLOWEST = 10.0, 0.2
 """A landing by the vehicle's own land mode may take `TIMEOUT` seconds plus the height divided by
 `SLOWEST` (m/s)."""
 SILENCE = 0.3
-"""Seconds without a message after which the next message counts as the link's return."""
+"""Seconds without a measurement after which the next one counts as the link's return."""
 ALIVE = 0.5
-"""Largest age (s) of the vehicle's last message at which the vehicle can take requests."""
+"""Largest age (s) of the vehicle's last measurement at which the vehicle can take requests."""
 
 RESTING = Command(LEVEL, 0.0, ZERO, None, False)
 """The command of a vehicle on the ground: rotors at rest."""
@@ -105,8 +105,9 @@ class LinkIn:
     """Receives measurements.
 
     truth: the simulator's ground truth, None on hardware.
-    heard: when measurements last arrived, None before the first read.
-    age: seconds since the vehicle's last message, or since the link was first read.
+    heard: when measurements last arrived, also from a simulator beside the vehicle; None before the
+    first read.
+    age: seconds since the vehicle's last measurement, or since the link was first read.
     delay: the round-trip time to the vehicle in seconds, zero while unknown.
     faults: the injected faults of the vehicle, None on hardware.
     """

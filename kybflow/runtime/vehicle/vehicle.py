@@ -51,7 +51,7 @@ from kybflow.world.vehicle_context import VehicleContext
 _SINKS = -0.05
 """The vertical velocity (m/s) below which a setpoint counts as descending."""
 _STALE = 10.0
-"""Seconds without a message after which the vehicle's last report of being armed is ignored."""
+"""Seconds without a measurement after which the vehicle's last report of being armed is ignored."""
 
 
 class Vehicle:
@@ -149,7 +149,7 @@ class Vehicle:
 
     @property
     def link_age(self) -> float:
-        """Seconds since the vehicle's last message."""
+        """Seconds since the vehicle's last measurement."""
         return self.knowledge.link_in.age
 
     @property
