@@ -29,7 +29,7 @@ BUDGET = {
     1: {
         "simulator": 4552,
         "engine and vehicle": 1708,
-        "tracker": 1865,
+        "tracker": 1822,
         "estimator": 1095,
         "processors": 320,
         "behavior": 342,
@@ -39,7 +39,7 @@ BUDGET = {
     8: {
         "simulator": 4241,
         "engine and vehicle": 1538,
-        "tracker": 1865,
+        "tracker": 1822,
         "estimator": 1095,
         "processors": 320,
         "behavior": 342,

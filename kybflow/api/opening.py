@@ -32,7 +32,7 @@ from kybflow.runtime.fleet.broadcasts import Broadcasts
 from kybflow.runtime.fleet.inputs import Inputs, NoteInput, unnoted
 from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
 from kybflow.runtime.monitoring.bodies import Bodies
-from kybflow.runtime.monitoring.estimate_history import EstimateHistory
+from kybflow.runtime.monitoring.cameras import EstimateHistory
 from kybflow.runtime.monitoring.sensing import OpenSensor
 from kybflow.runtime.options import Options
 from kybflow.runtime.scores import Score

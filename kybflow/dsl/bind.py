@@ -14,7 +14,20 @@ from kybflow.dsl.expanding.flows import given_vehicles, own_vehicles, values_for
 from kybflow.dsl.expressions import Expression, Scope, parse
 from kybflow.dsl.expressions.tree import Unparsed
 from kybflow.dsl.language.records import Record
-from kybflow.dsl.names import BUILT_IN, Scopes, end_of, failure_of, option_values
+from kybflow.dsl.names import (
+    AUTO_HOME,
+    AUTO_LAND,
+    BRAKE,
+    BUILT_IN,
+    FAULT,
+    HOVER,
+    LAND_BLIND,
+    LANDED,
+    Scopes,
+    end_of,
+    failure_of,
+    option_values,
+)
 from kybflow.dsl.plan import (
     ActionKeys,
     ActionPlan,
@@ -144,13 +157,13 @@ def _implied(cause: Any, target: str, at: str = "") -> TransitionPlan:
 
 
 def _built_in(hover_limit: float, catalog: Catalog) -> dict[str, StatePlan]:
-    late = TransitionPlan(target="auto_land", after=hover_limit, implied=True)
+    late = TransitionPlan(target=AUTO_LAND, after=hover_limit, implied=True)
     ways = {
-        "brake": (_implied("then", "hover"), _implied("failed", "hover")),
-        "hover": (late, _implied("then", "auto_land"), _implied("failed", "auto_land")),
-        "auto_home": (_implied("then", "auto_land"), _implied("failed", "auto_land")),
-        "auto_land": (_implied("then", "landed"), _implied("failed", "land_blind")),
-        "land_blind": (_implied("then", "fault"), _implied("failed", "fault")),
+        BRAKE: (_implied("then", HOVER), _implied("failed", HOVER)),
+        HOVER: (late, _implied("then", AUTO_LAND), _implied("failed", AUTO_LAND)),
+        AUTO_HOME: (_implied("then", AUTO_LAND), _implied("failed", AUTO_LAND)),
+        AUTO_LAND: (_implied("then", LANDED), _implied("failed", LAND_BLIND)),
+        LAND_BLIND: (_implied("then", FAULT), _implied("failed", FAULT)),
     }
     states = {}
     for name, part in BUILT_IN.items():
@@ -233,7 +246,10 @@ def attachments_of(plan: Plan) -> tuple[SourceFile, ...]:
 
 def _named(plan: Plan) -> Iterator[tuple[File, str]]:
     """Yield each file that a parameter names, and the folder to which its path is relative."""
-    for use in parts_in(plan):
+    parts: list[PartPlan] = []
+    for vehicle in plan.vehicles:
+        parts += (*(sensor.part for sensor in vehicle.sensors), *vehicle.parts, vehicle.driver)
+    for use in (*parts, *(use.part for use in plan.inputs)):
         for field in use.fields:
             file = getattr(use.params, field.name)
             if isinstance(file, File):
@@ -248,13 +264,3 @@ def _named(plan: Plan) -> Iterator[tuple[File, str]]:
     for camera in (camera for vehicle in plan.vehicles for camera in vehicle.body.cameras):
         if camera.calibration is not None:
             yield camera.calibration, os.path.dirname(camera.span_of("calibration").file)
-
-
-def parts_in(plan: Plan) -> Iterator[PartPlan]:
-    """Yield every part of a plan as written, except those of faults and actions."""
-    for vehicle in plan.vehicles:
-        yield from (s.part for s in vehicle.sensors)
-        yield from (e.part for e in vehicle.estimators)
-        yield from (*vehicle.processors, vehicle.tracker, *vehicle.supervisors, vehicle.driver)
-        yield from (state.behavior for state in vehicle.states.values())
-    yield from (use.part for use in plan.inputs)

@@ -8,7 +8,8 @@ exit from a state and on entry into one. Its triggers are:
 - `step`: take a transition of the mission; the order is `next`, end of the behavior, `within`.
 - `give_up`: enter `brake` or `landed`, if the behavior of no other state of a vehicle starts.
 - `switch STATE`: enter the state that an operator, a flow or a callback requests.
-- `failsafe STATE`: enter a built-in state of a vehicle, from every state.
+- `built-in STATE`: enter a built-in state of a vehicle, from every state: the failsafe reacts, or
+  the run ends.
 - `end`: leave every phase of a flow.
 
 A trigger costs several microseconds. A tick therefore evaluates each guard once, without the
@@ -32,6 +33,7 @@ from typing import Literal, NamedTuple
 from transitions import Machine
 
 from kybflow.dsl.expressions import Expression
+from kybflow.dsl.names import BRAKE, FAULT, LANDED
 from kybflow.dsl.plan import END, FlowPlan, TransitionPlan, VehiclePlan
 from kybflow.parts.observables import chains_of, is_in
 
@@ -51,9 +53,10 @@ class Exit(NamedTuple):
     """Why a state is left.
 
     how: `next`, `done`, `failed` or `within` for a transition of the mission; `refused` if the
-    behavior did not start; `asked` for a switch; `failsafe`. Flows also end with `operator` or
-    `failed`. at: the mission line that caused the exit, or empty. transition: the transition of the
-    mission, if there is one.
+    behavior did not start; `asked` for a switch; `failsafe` for a built-in state that is entered
+    regardless of the mission, also at the end of a run or by a reset. Flows also end with
+    `operator` or `failed`. at: the mission line that caused the exit, or empty. transition: the
+    transition of the mission, if there is one.
     """
 
     how: str
@@ -68,23 +71,6 @@ class _Model:
     trigger: Callable[[str, Exit], object]
 
 
-class _Facts:
-    """The values that guards read.
-
-    elapsed: seconds in the active state. chains: seconds spent in each chain that contains the
-    state, up to the entry into the state. heard: the events since the last tick. outcome: whether
-    the behavior is running, done or failed.
-    """
-
-    __slots__ = ("chains", "elapsed", "heard", "outcome")
-
-    def __init__(self) -> None:
-        self.elapsed = 0.0
-        self.chains: dict[str, float] = {}
-        self.heard: AbstractSet[str] = _NOTHING
-        self.outcome: Outcome = "running"
-
-
 class _Timer:
     """Counts for how many seconds a condition has held since the state was entered. held: that
     time, None while the condition does not hold."""
@@ -94,6 +80,9 @@ class _Timer:
     def __init__(self, condition: Guard) -> None:
         self.condition = condition
         self.held: float | None = None
+
+    def restart(self) -> None:
+        self.held = None
 
     def count(self, dt: float) -> None:
         if not self.condition():
@@ -127,6 +116,10 @@ class _Watched(NamedTuple):
 class StateMachine:
     """The base of the machines of vehicles and flows.
 
+    The guards of its transitions read elapsed: seconds in the active state; chains: seconds spent
+    in each chain that contains the state, up to the entry into the state; heard: the events since
+    the last tick; outcome: whether the behavior is running, done or failed.
+
     The machine is in the state `initial` until it begins. on_exit: called before the state changes.
     on_enter: called with the name of the new state. welcome: returns whether a state may be entered
     through `next`; otherwise that transition is skipped.
@@ -141,7 +134,11 @@ class StateMachine:
         welcome: Callable[[str], bool] = lambda _: True,
     ) -> None:
         self._on_enter, self._on_exit, self._welcome = on_enter, on_exit, welcome
-        self._facts, self._model = _Facts(), _Model()
+        self.elapsed = 0.0
+        self.chains: dict[str, float] = {}
+        self.heard: AbstractSet[str] = _NOTHING
+        self.outcome: Outcome = "running"
+        self._model = _Model()
         self._watched = {name: _Watched([], [], []) for name in (initial, *states)}
         self._machine = Machine(None, initial=initial, auto_transitions=False, queued=True)
         self._machine.get_state(initial).add_callback("enter", self._entered)
@@ -165,8 +162,7 @@ class StateMachine:
         Called once a tick. elapsed: seconds in the state. heard: the events since the last tick.
         outcome: whether the behavior is running, done or failed. dt: seconds since the last call.
         """
-        facts = self._facts
-        facts.elapsed, facts.heard, facts.outcome = elapsed, heard, outcome
+        self.elapsed, self.heard, self.outcome = elapsed, heard, outcome
         for timer in self._timers:
             timer.count(dt)
         for way in self._ways_while_running if outcome == "running" else self._ways:
@@ -187,21 +183,21 @@ class StateMachine:
     def _exited(self, reason: Exit) -> None:
         """Add the time in the state to that of the chains around it. The count continues only after
         a transition of the mission that does not enter the chain anew."""
-        taken, facts = reason.transition, self._facts
-        facts.chains = {
-            chain: seconds + facts.elapsed
-            for chain, seconds in facts.chains.items()
+        taken = reason.transition
+        self.chains = {
+            chain: seconds + self.elapsed
+            for chain, seconds in self.chains.items()
             if taken is not None and not (taken.enters and is_in(chain, taken.enters))
         }
         self._on_exit(reason)
 
     def _entered(self, _: Exit) -> None:
         """Restart the timers of the new state and report the entry to the owner."""
-        facts, name = self._facts, self.state
-        facts.chains = {chain: facts.chains.get(chain, 0.0) for chain in chains_of(name)}
+        name = self.state
+        self.chains = {chain: self.chains.get(chain, 0.0) for chain in chains_of(name)}
         self._watch(name)
         for timer in self._timers:
-            timer.held = None
+            timer.restart()
         self._on_enter(name)
 
     def _watch(self, name: str) -> None:
@@ -214,7 +210,7 @@ class StateMachine:
         while the state is active."""
         timers, ways, while_running = self._watched[state]
         for transition in sorted(leaving, key=lambda t: _ORDER[t.cause]):
-            way = _Way(_guard(transition, self._facts, conditions, timers), transition)
+            way = _Way(_guard(transition, self, conditions, timers), transition)
             ways.append(way)
             if transition.cause in ("next", "within"):
                 while_running.append(way)
@@ -250,7 +246,7 @@ class VehicleMachine(StateMachine):
     ) -> None:
         states = vehicle.states
         super().__init__(_START, states, on_enter, on_exit, welcome)
-        self._healthy, self._starts = states.keys() - {"fault"}, starts
+        self._healthy, self._starts = states.keys() - {FAULT}, starts
         declare = self._machine.add_transition
 
         def rests_in_fault(reason: Exit) -> bool:
@@ -258,18 +254,18 @@ class VehicleMachine(StateMachine):
 
         declare("begin", _START, vehicle.begin)
         for name, state in states.items():
-            for landing in (t for t in state.transitions if t.target == "landed"):
-                declare("step", name, "fault", [_is_due(landing), rests_in_fault])
+            for landing in (t for t in state.transitions if t.target == LANDED):
+                declare("step", name, FAULT, [_is_due(landing), rests_in_fault])
             self._declare_ways(name, state.transitions, conditions)
             if state.built_in:
-                declare(f"failsafe {name}", list(states), name)
-        declare("give_up", list(states), "brake", lambda _: airborne())
-        declare("give_up", list(states), "landed")
+                declare(f"built-in {name}", list(states), name)
+        declare("give_up", list(states), BRAKE, lambda _: airborne())
+        declare("give_up", list(states), LANDED)
 
-    def failsafe(self, state: str) -> None:
-        """Enter a built-in state, from any state. Raises ValueError for a state that is not built
-        in."""
-        self._pull(f"failsafe {state}", Exit("failsafe"))
+    def enter_built_in(self, state: str) -> None:
+        """Enter a built-in state, from any state, regardless of the mission. Raises ValueError for
+        a state that is not built in."""
+        self._pull(f"built-in {state}", Exit("failsafe"))
 
     def switch(self, state: str, at: str) -> None:
         """Enter a state that was requested at a line of the mission. Passes on what `starts`
@@ -282,8 +278,7 @@ class VehicleMachine(StateMachine):
         """Leave a state whose behavior did not start, as if the behavior had failed at once.
         refused: the states whose behavior has not started; they are not entered unless `give_up`
         leads there."""
-        facts = self._facts
-        facts.elapsed, facts.heard, facts.outcome = 0.0, _NOTHING, "failed"
+        self.elapsed, self.heard, self.outcome = 0.0, _NOTHING, "failed"
         for way in self._ways:
             if way.guard() and self._may_enter(way.transition, refused):
                 self._pull("step", Exit("refused", transition=way.transition))
@@ -322,24 +317,24 @@ def _is_due(transition: TransitionPlan) -> Callable[[Exit], bool]:
 
 
 def _guard(
-    transition: TransitionPlan, facts: _Facts, conditions: Conditions, timers: list[_Timer]
+    transition: TransitionPlan, machine: StateMachine, conditions: Conditions, timers: list[_Timer]
 ) -> Guard:
     """Return a guard that is true when everything that the transition requires holds; it is never
     true if nothing is required."""
     if transition.cause == "then":
-        return lambda: facts.outcome == "done"
+        return lambda: machine.outcome == "done"
     if transition.cause == "failed":
-        return lambda: facts.outcome == "failed"
+        return lambda: machine.outcome == "failed"
     guards: list[Guard] = []
     if transition.after is not None:
         after, chain = transition.after - _ROUNDING, transition.since
         if chain:
-            guards.append(lambda: facts.chains.get(chain, 0.0) + facts.elapsed >= after)
+            guards.append(lambda: machine.chains.get(chain, 0.0) + machine.elapsed >= after)
         else:
-            guards.append(lambda: facts.elapsed >= after)
+            guards.append(lambda: machine.elapsed >= after)
     if transition.event is not None:
         event = transition.event
-        guards.append(lambda: event in facts.heard)
+        guards.append(lambda: event in machine.heard)
     if transition.when is not None:
         condition = conditions(transition.when)
         if transition.hold <= 0.0:

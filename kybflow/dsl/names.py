@@ -19,14 +19,18 @@ from kybflow.parts.observables import chains_of
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
 
+LANDED, FAULT = "landed", "fault"
+BRAKE, HOVER = "brake", "hover"
+AUTO_HOME, AUTO_LAND, LAND_BLIND = "auto_home", "auto_land", "land_blind"
+
 BUILT_IN = {
-    "landed": "wait_on_ground",
-    "brake": "brake",
-    "hover": "hover",
-    "auto_home": "go_home",
-    "auto_land": "land",
-    "land_blind": "land_blind",
-    "fault": "wait_on_ground",
+    LANDED: "wait_on_ground",
+    BRAKE: "brake",
+    HOVER: "hover",
+    AUTO_HOME: "go_home",
+    AUTO_LAND: "land",
+    LAND_BLIND: "land_blind",
+    FAULT: "wait_on_ground",
 }
 """The behavior of each built-in state. `brake` is followed by `hover`, `hover` after `hover_limit`
 by `auto_land`, `auto_home` by `auto_land`, `auto_land` by `landed`, and `land_blind` by `fault`,
@@ -35,7 +39,7 @@ which only a reset leaves."""
 
 def end_of(legs: Iterable[Leg]) -> str:
     """Return the state that follows a behavior without `then` when it is done."""
-    return "brake" if any(leg.end is AIR for leg in legs) else "landed"
+    return BRAKE if any(leg.end is AIR for leg in legs) else LANDED
 
 
 def failure_of(legs: Iterable[Leg]) -> str:
@@ -44,8 +48,8 @@ def failure_of(legs: Iterable[Leg]) -> str:
     landing, during which the vehicle may be on the ground."""
     every = tuple(legs)
     if all(leg == (GROUND, GROUND) for leg in every):
-        return "landed"
-    return "brake" if (AIR, AIR) in every else "auto_land"
+        return LANDED
+    return BRAKE if (AIR, AIR) in every else AUTO_LAND
 
 
 class Option(NamedTuple):

@@ -314,6 +314,17 @@ class VehiclePlan(Record):
         return {}
 
     @property
+    def parts(self) -> list[PartPlan]:
+        """Every part of the vehicle except its driver and its sensors."""
+        return [
+            *(estimator.part for estimator in self.estimators),
+            *self.processors,
+            self.tracker,
+            *self.supervisors,
+            *(state.behavior for state in self.states.values()),
+        ]
+
+    @property
     def own_cameras(self) -> dict[str, Camera]:
         """The cameras of the airframe, by name."""
         return {use.name: use.camera for use in self.body.cameras if use.camera is not None}

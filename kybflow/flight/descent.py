@@ -121,7 +121,9 @@ class Descent:
         struck = self._time > DEAF and excess > max(IMPACT, CLEAR * sqrt(self._noise))
         self._predict(dt)
         self._correct(min(excess, HARDEST_STOP / dt))
-        if struck or self._is_carried(dt) or _bound(LONGER, self._time) <= 0.0:
+        carried = self._given < IDLE and self._lift * self._given > WEIGHT
+        self._rested = self._rested + dt if carried else 0.0
+        if struck or self._rested >= RESTED or _bound(LONGER, self._time) <= 0.0:
             return None
         return min(self._hover * self._ask(), self._most)
 
@@ -153,12 +155,6 @@ class Descent:
         self._slow -= gain_speed * share * self._both
         self._both -= gain_speed * share * self._unsure
         self._unsure -= gain_lift * share * self._unsure
-
-    def _is_carried(self, dt: float) -> bool:
-        """Return whether the floor has carried the vehicle for long enough."""
-        carried = self._given < IDLE and self._lift * self._given > WEIGHT
-        self._rested = self._rested + dt if carried else 0.0
-        return self._rested >= RESTED
 
     def _ask(self) -> float:
         """Return the next thrust divided by the hover thrust."""

@@ -9,9 +9,8 @@ from kybflow.core.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, heading_of,
 from kybflow.core.params import param, params
 from kybflow.core.signals import Command, Estimate, Imu, MeasurementKind, Setpoint, Tick
 from kybflow.core.units import Frequency
-from kybflow.flight.disturbance import DisturbanceObserver
-from kybflow.flight.loops.design import FASTEST, DesignedGains, Gains, completed
-from kybflow.flight.loops.response import OuterLoop
+from kybflow.flight.force_estimates import DisturbanceObserver
+from kybflow.flight.loops.position_loop import FASTEST, DesignedGains, Gains, OuterLoop, completed
 from kybflow.flight.steering import Steering
 from kybflow.flight.steering_params import SteeringParams
 from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext
@@ -86,9 +85,18 @@ class GeometricLaw:
             self._tune(p)
         steering.weigh(setpoint, estimate, p.lift_off, dt)
         up = body_z(estimate.attitude)
-        self._age(estimate, dt)
+        # how much older the estimate is than the gains were designed for: a camera's is older than
+        # motion capture's, and one from GPS is filtered for long
+        late = estimate.age + estimate.spread / NOISE - self._fresh
+        late = 0.0 if late < 0.0 else STALEST if late > STALEST else late
+        self._late += dt / (AGEING + dt) * (late - self._late)
         wanted, turning = self._wanted(p, setpoint, estimate, up, dt)
-        wanted = sub(wanted, self._disturbance(p.observer, tick))
+        if p.observer == 0.0 or not steering.flies:
+            self._observer.rest()
+        else:
+            given = steering.force_along
+            pushed = self._observer.update(tick.imu, estimate, given, p.observer, dt)
+            wanted = sub(wanted, pushed)
         force, attitude = steering.attitude(wanted, up, setpoint, p, dt)
         still = steering.limited or not steering.flies
         rates = _rates(ZERO if still else turning, force, attitude, setpoint.heading_rate)
@@ -99,23 +107,6 @@ class GeometricLaw:
         context = self._context
         loop = outer_loop(params, context.airframe, context.loop, context.dt, self._attitude)
         self._tuned, self._gains = params, (loop.proportional, loop.derivative, loop.integral)
-
-    def _age(self, estimate: Estimate, dt: float) -> None:
-        """Average how much older the estimate is than the gains were designed for: a camera's
-        estimate is older than motion capture's, and one from GPS is filtered for long. The loop's
-        frequency decreases with this delay."""
-        late = estimate.age + estimate.spread / NOISE - self._fresh
-        late = 0.0 if late < 0.0 else STALEST if late > STALEST else late
-        self._late += dt / (AGEING + dt) * (late - self._late)
-
-    def _disturbance(self, bandwidth: float, tick: Tick) -> Vec3:
-        """Return the estimated disturbance, m/s^2, world."""
-        steering = self._steering
-        if bandwidth == 0.0 or not steering.flies:
-            self._observer.rest()
-            return ZERO
-        estimate, given = tick.known(), steering.force_along
-        return self._observer.update(tick.imu, estimate, given, bandwidth, tick.dt)
 
     def _wanted(
         self, p: GeometricParams, setpoint: Setpoint, estimate: Estimate, up: Vec3, dt: float

@@ -3,7 +3,7 @@
 The thrust is the estimated mass times the component of the desired specific force f along body z;
 the attitude points body z along f. Tilt and thrust are limited to the airframe's. On the ground the
 thrust rises from 60 % of the estimated weight until the vehicle lifts off; in the air the mass is
-estimated (`kybflow.flight.mass`).
+estimated (`kybflow.flight.force_estimates`).
 
 The autopilot controls its own attitude estimate, which is levelled by an accelerometer and
 therefore wrong while the vehicle accelerates. The integral of the difference between the commanded
@@ -25,7 +25,7 @@ from kybflow.core.geometry import (
     wrap,
 )
 from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, made
-from kybflow.flight.mass import MassEstimator
+from kybflow.flight.force_estimates import MassEstimator
 from kybflow.flight.steering_params import SteeringParams
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -47,13 +47,13 @@ _ATTITUDE_THRUST = CommandKind.ATTITUDE_THRUST
 
 
 class Steering:
-    """Turns a tracker's force into commands. Exists as long as its tracker, which calls `weigh`,
-    `attitude` and `command` every tick.
+    """Turns a tracker's force into commands. Has the lifetime of its tracker, which calls
+    `weigh`, `attitude` and `command` every tick.
 
     flies: whether the vehicle is above the ground. limited: whether the last force was limited.
-    learns: whether integrals may be updated, which excludes the ground, a limited force and a long
-    step. trim: the slope along x and y that corrects the autopilot's attitude error. force_along:
-    the specific force of the last command along the estimated body z, m/s^2.
+    learns: whether integrals may be updated: not on the ground, while the force is limited, or
+    after a long step. trim: the slope along x and y that corrects the autopilot's attitude error.
+    force_along: the specific force of the last command along the estimated body z, m/s^2.
     """
 
     __slots__ = (
@@ -103,8 +103,11 @@ class Steering:
         self._weighed, self._age = 0.0, age
         if flies:
             self._mass.update(self._lift, estimate.velocity[2], weighed)
-        elif _asks_up(setpoint, above):
-            self._mass.spool_up(min(weighed, LONGEST_SPOOL))
+        else:
+            position, velocity = setpoint.position, setpoint.velocity
+            asks_up = velocity is None or velocity[2] > 0.0
+            if asks_up if position is None else position[2] > above:
+                self._mass.spool_up(min(weighed, LONGEST_SPOOL))
         self._carry()
 
     def _carry(self) -> None:
@@ -180,9 +183,3 @@ def turning(force: Vec3, jerk: Vec3, heading_rate: float, attitude: Quat) -> Vec
     k = 1.0 / (fx * fx + fy * fy + fz * fz)
     x, y, z = k * (fy * jz - fz * jy), k * (fz * jx - fx * jz), k * (fx * jy - fy * jx)
     return rotate_back(attitude, (x, y, z + heading_rate))
-
-
-def _asks_up(setpoint: Setpoint, above: float) -> bool:
-    if setpoint.position is not None:
-        return setpoint.position[2] > above
-    return setpoint.velocity is None or setpoint.velocity[2] > 0.0

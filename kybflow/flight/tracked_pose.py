@@ -28,6 +28,10 @@ STEEPEST = 0.5
 NOISY, CALMEST, CALMEST_UP, WARM = 0.008, 4.0, 2.0, 60
 
 
+CALM = (0.0, 0.0)
+"""No acceleration by a disturbance."""
+
+
 @params
 class TrackedParams:
     velocity_bandwidth: Frequency = param(
@@ -51,8 +55,7 @@ class TrackedPose:
     stamp: the time of the last pose. count: the number of poses since the filter started. position,
     velocity (world), attitude, rates (body): the motion at `stamp`. spread: the running standard
     deviation of the innovation along an axis, metres. slope: the acceleration along x and y that
-    follows from the attitude, m/s^2, world. pushed: the acceleration along x and y by a known
-    disturbance, m/s^2, world.
+    follows from the attitude, m/s^2, world.
     """
 
     def __init__(self, params: TrackedParams, drag: float) -> None:
@@ -64,11 +67,16 @@ class TrackedPose:
         self.rates = ZERO
         self._params, self._drag = params, drag
         self.spread = self._variance = 0.0
-        self.slope = self.pushed = self._pull = (0.0, 0.0)
+        self.slope = self._pull = (0.0, 0.0)
 
-    def take(self, pose: Pose, velocity: Vec3 = ZERO) -> None:
+    def restart(self) -> None:
+        """Let the filter start again at the next pose."""
+        self.count = 0
+
+    def take(self, pose: Pose, velocity: Vec3 = ZERO, pushed: tuple[float, float] = CALM) -> None:
         """Process a pose that is newer than the last. velocity: the velocity to start with if the
-        filter starts at this pose."""
+        filter starts at this pose. pushed: the acceleration along x and y by a known disturbance,
+        m/s^2, world."""
         time, position, attitude = pose
         dt = (time - self.stamp) / NS
         self.stamp = time
@@ -83,7 +91,7 @@ class TrackedPose:
             self._move(position, dt)
             self._turn(attitude, dt)
             self.slope = sx, sy = self._slope(self.attitude, self.velocity)
-            px, py = self.pushed
+            px, py = pushed
             self._pull = (sx + px, sy + py)
 
     def estimate(self, now: Time, source: str) -> Estimate | None:

@@ -20,7 +20,7 @@ from kybflow.parts.behavior import (
     Leg,
     Origin,
 )
-from kybflow.parts.chain import Estimator, Processor, Supervisor, Tracker
+from kybflow.parts.control_loop import Estimator, Processor, Supervisor, Tracker
 from kybflow.parts.driver import Act, Charge, Driver, Seat, Session
 from kybflow.parts.fault import ActiveFaults, Effect, Fault, Filter
 from kybflow.parts.input import AXES, Input, InputLink

@@ -26,8 +26,7 @@ from kybflow.core.signals import (
     Tick,
     Time,
 )
-from kybflow.flight.motion import Motion
-from kybflow.flight.profiles import Pace
+from kybflow.flight.motion import Motion, Pace
 from kybflow.parts.base import Objection, P, Part
 from kybflow.world.vehicle_context import VehicleContext
 

@@ -229,7 +229,7 @@ class ReportsTouches(Protocol):
 def truth_source(link: Link) -> Callable[[], Truth | None]:
     """Return a function that returns the vehicle's true state, or always None if there is no
     simulator."""
-    return link.truth if isinstance(link, ShowsTruth) else _unknown
+    return link.truth if isinstance(link, ShowsTruth) else lambda: None
 
 
 def view_source(link: Link) -> Callable[[], Truth | None]:
@@ -241,7 +241,3 @@ def view_source(link: Link) -> Callable[[], Truth | None]:
 def is_calm(link: Link) -> bool:
     """Return whether the vehicle's world models no imperfections; True if there is no simulator."""
     return link.is_calm if isinstance(link, SimulatesLab) else True
-
-
-def _unknown() -> None:
-    return None

@@ -26,7 +26,7 @@ OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
 }
 
 
-def bind(
+def reader_of(
     expression: tree.Expression,
     views: Mapping[str, View],
     own: str | None,
@@ -53,11 +53,11 @@ def bind(
             inside = [_in_state(views[vehicle], state) for vehicle in vehicles]
             return _both(inside) if quantifier == "all" else _either(inside)
         case tree.And(parts):
-            return _both([bind(part, views, own, now, inputs) for part in parts])
+            return _both([reader_of(part, views, own, now, inputs) for part in parts])
         case tree.Or(parts):
-            return _either([bind(part, views, own, now, inputs) for part in parts])
+            return _either([reader_of(part, views, own, now, inputs) for part in parts])
         case tree.Not(part):
-            inner = bind(part, views, own, now, inputs)
+            inner = reader_of(part, views, own, now, inputs)
             return lambda: not inner()
     raise TypeError(f"{type(expression).__name__} is not a condition")
 

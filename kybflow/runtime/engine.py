@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from kybflow.core.errors import described
 from kybflow.core.signals import NS, Time
 from kybflow.dsl.expressions import Expression
+from kybflow.dsl.names import FAULT
 from kybflow.dsl.plan import Plan
 from kybflow.parts import Session
 from kybflow.parts.events import (
@@ -27,7 +28,7 @@ from kybflow.runtime.clock import Clock
 from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.commanding.commander import Commander
 from kybflow.runtime.commanding.legal import RunView
-from kybflow.runtime.conditions import bind
+from kybflow.runtime.conditions import reader_of
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Judge
 from kybflow.runtime.fleet.callbacks import Callbacks, RunControls
@@ -147,7 +148,7 @@ class Engine:
                 return False
         if self._landing is not None or self._stopped is not None:
             return True
-        lost = all(vehicle.state == "fault" for vehicle in self.vehicles)
+        lost = all(vehicle.state == FAULT for vehicle in self.vehicles)
         return not self.callbacks.pending and (self.flows.ended or lost)
 
     def tick(self) -> None:
@@ -235,7 +236,7 @@ class Engine:
         return red
 
     def _condition(self, own: str | None) -> Callable[[Expression], Callable[[], bool]]:
-        return lambda expression: bind(
+        return lambda expression: reader_of(
             expression, self._believed, own, self.seconds, self.inputs.readings
         )
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Protocol
 from kybflow.dsl.expressions import tree
 from kybflow.dsl.plan import ExpectationPlan
 from kybflow.parts.observables import OBSERVABLES, Unavailable, View, is_in
-from kybflow.runtime.conditions import OPERATORS, bind, value_of
+from kybflow.runtime.conditions import OPERATORS, reader_of, value_of
 
 Now = Callable[[], float]
 
@@ -84,9 +84,9 @@ def _expectation(
         case tree.Always(condition):
             if isinstance(condition, tree.Compare) and condition.operator in _ORDERS:
                 return _Bound(condition, views, now)
-            return _Unbroken(bind(condition, views, None, now))
+            return _Unbroken(reader_of(condition, views, None, now))
         case tree.Eventually(condition, within):
-            return _Once(bind(condition, views, None, now), within, now)
+            return _Once(reader_of(condition, views, None, now), within, now)
         case tree.Finally(condition):
             return _Last(condition, views, now)
         case tree.Finished(within):
@@ -188,7 +188,7 @@ class _Last(_AtTheEnd):
     """`finally`: evaluated once, after the last tick."""
 
     def __init__(self, condition: tree.Condition, views: Mapping[str, View], now: Now) -> None:
-        self._condition = bind(condition, views, None, now)
+        self._condition = reader_of(condition, views, None, now)
         self._bound: _Bound | None = None
         if isinstance(condition, tree.Compare) and condition.operator in _ORDERS:
             self._bound = _Bound(condition, views, now)

@@ -1,23 +1,12 @@
-"""Lists and constructs the parts of a vehicle's plan."""
+"""Constructs the parts of a vehicle's plan."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from kybflow.core.errors import PartFailed
-from kybflow.dsl.plan import PartPlan, VehiclePlan
+from kybflow.dsl.plan import PartPlan
 from kybflow.world.vehicle_context import VehicleContext
-
-
-def parts_of(plan: VehiclePlan) -> list[PartPlan]:
-    """Return every part of a vehicle except its driver."""
-    return [
-        *(estimator.part for estimator in plan.estimators),
-        *plan.processors,
-        plan.tracker,
-        *plan.supervisors,
-        *(state.behavior for state in plan.states.values()),
-    ]
 
 
 def make(part: PartPlan, params: Any, context: VehicleContext) -> Any:

@@ -23,7 +23,6 @@ from kybflow.dsl.reading.reader import compose
 from kybflow.dsl.reading.values import decode_value
 from kybflow.parts.events import OptionChanged, OptionRefusedEvent
 from kybflow.runtime.events import Events
-from kybflow.runtime.making import parts_of
 from kybflow.runtime.vehicle.requests import Answered, unheard
 
 
@@ -152,7 +151,7 @@ class _Planned:
 
     def __init__(self, plan: VehiclePlan) -> None:
         self.name = plan.name
-        self._parameters = {part.label: part.params for part in parts_of(plan)}
+        self._parameters = {part.label: part.params for part in plan.parts}
 
     @property
     def airborne(self) -> bool:

@@ -15,8 +15,8 @@ from kybflow.core.signals import Estimate, Imu, kind_name
 from kybflow.dsl.plan import InputPlan, Plan
 from kybflow.parts.events import PreflightWaits
 from kybflow.runtime.events import Events
-from kybflow.runtime.monitoring.resting_bias import LONG
-from kybflow.runtime.safety import take_off_tolerance
+from kybflow.runtime.vehicle.knowledge import LONG
+from kybflow.runtime.vehicle.touch_down import START_TOLERANCE, allowed_distance, said_distance
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.world.shapes import Box, Shape, Sphere
 
@@ -143,10 +143,10 @@ def _start(vehicle: Vehicle, estimate: Estimate, others: Sequence[Vehicle]) -> P
     """Check that the vehicle is at its declared start. If it is where another vehicle should
     start, their motion capture bodies are probably swapped, and the reason says so."""
     away = distance(estimate.position, vehicle.context.start)
-    green = away <= take_off_tolerance.allowed(estimate)
-    reason = f"{away:.2f} m from the declared start ({take_off_tolerance.said(estimate)})"
+    green = away <= allowed_distance(estimate)
+    reason = f"{away:.2f} m from the declared start ({said_distance(estimate)})"
     for other in others if not green else ():
-        there = distance(estimate.position, other.context.start) <= take_off_tolerance.LEAST
+        there = distance(estimate.position, other.context.start) <= START_TOLERANCE
         if there and other is not vehicle:
             reason += f"; the body of `{vehicle.name}` stands where `{other.name}` should start"
     return PreflightResult(vehicle.name, "start pose", green, reason, vehicle.plan.at)

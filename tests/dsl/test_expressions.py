@@ -34,7 +34,7 @@ from kybflow.dsl.expressions import (
     describe,
     parse,
 )
-from kybflow.runtime.conditions import bind
+from kybflow.runtime.conditions import reader_of
 
 VEHICLES = {"a": ("up", "eight", "hover", "landed"), "b": ("up", "landed")}
 CONDITION = Scope("condition", VEHICLES, "a", {"a": ("mocap", "inertial")})
@@ -346,4 +346,4 @@ def test_they_hold_of_the_vehicles_as_they_are(words: str, behaviors: str, holds
     expression, _ = parse(text(words), Scope("condition", vehicles, groups=GROUPS))
     assert expression is not None
     views = {n: FakeView(behavior=b) for n, b in zip("ab", behaviors.split(), strict=True)}
-    assert bind(expression, views, None, lambda: 0.0)() is holds
+    assert reader_of(expression, views, None, lambda: 0.0)() is holds

@@ -194,7 +194,7 @@ class _Answers(dict[Any, Any]):
 def test_the_failsafe_enters_a_built_in_state_from_everywhere() -> None:
     owner = begun()
     for state in (*BUILT_IN, "fault", "landed"):
-        owner.machine.failsafe(state)
+        owner.machine.enter_built_in(state)
         assert state == owner.machine.state
     assert owner.told[:3] == ["enter first", "exit first: failsafe", "enter brake"]
     again = ["exit fault: failsafe", "enter fault", "exit fault: failsafe", "enter landed"]
@@ -204,8 +204,8 @@ def test_the_failsafe_enters_a_built_in_state_from_everywhere() -> None:
 @pytest.mark.parametrize("state", ["second", "nowhere"])
 def test_the_failsafe_enters_no_state_of_the_mission(state: str) -> None:
     owner = begun()
-    with pytest.raises(ValueError, match=f"no transition `failsafe {state}` leaves `first`"):
-        owner.machine.failsafe(state)
+    with pytest.raises(ValueError, match=f"no transition `built-in {state}` leaves `first`"):
+        owner.machine.enter_built_in(state)
     assert owner.told == ["enter first"]
 
 
@@ -215,7 +215,7 @@ def test_what_is_asked_for_is_entered_from_every_state_but_fault() -> None:
         owner.machine.switch(state, "a.yaml:7")
         assert state == owner.machine.state
     assert Exit("asked", "a.yaml:7") == owner.exits[-1]
-    owner.machine.failsafe("fault")
+    owner.machine.enter_built_in("fault")
     with pytest.raises(ValueError, match="no transition `switch first` leaves `fault`"):
         owner.machine.switch("first", "")
     assert owner.machine.state == "fault"
@@ -239,8 +239,8 @@ def test_what_is_asked_for_and_refuses_to_start_changes_nothing() -> None:
 def test_a_machine_begins_once_and_does_nothing_before() -> None:
     owner = Owner(StatePlan("first", PART, (GROUND >> AIR,), (transition("then", "brake"),)))
     owner.machine.step(0.0, NOTHING, "done", 0.004)
-    with pytest.raises(ValueError, match="no transition `failsafe brake`"):
-        owner.machine.failsafe("brake")
+    with pytest.raises(ValueError, match="no transition `built-in brake`"):
+        owner.machine.enter_built_in("brake")
     owner.machine.begin()
     assert owner.told == ["enter first"]
     with pytest.raises(ValueError, match="no transition `begin` leaves `first`"):
@@ -283,7 +283,7 @@ def test_what_an_owner_raises_on_entry_comes_out_and_the_machine_goes_on() -> No
     with pytest.raises(RuntimeError, match="second is broken"):
         owner.ask(1.0, outcome="done")
     assert owner.machine.state == "second"
-    owner.machine.failsafe("brake")
+    owner.machine.enter_built_in("brake")
     assert owner.told[-2:] == ["exit second: failsafe", "enter brake"]
 
 

@@ -1,12 +1,23 @@
 """Motions: a leg that ends on its goal, a coasting that begins as the vehicle moves."""
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from part_bench import DT, SITE, at_rest, entry, estimate
 
 from kybflow.core.geometry import ZERO, Vec3, distance, norm, sub
-from kybflow.flight.motion import Coast, Dwell, Motion, Straight
+from kybflow.flight.motion import (
+    STEEPEST,
+    Coast,
+    Dwell,
+    Motion,
+    Pace,
+    Profile,
+    Straight,
+    smoothstep,
+)
 from kybflow.parts import AIR, Entry
 
 numbers = st.floats(-3.0, 3.0)
@@ -60,3 +71,120 @@ def test_dwelling_begins_anew_after_a_break() -> None:
     dwell = Dwell()
     seen = [dwell.reached(holds, 0.2, 0.1) for holds in (True, True, False, True, True, True)]
     assert seen == [False, False, False, False, False, True]
+
+
+distances = st.floats(0.0, 100.0)
+speeds = st.floats(0.01, 10.0)
+accelerations = st.floats(0.05, 20.0)
+fractions = st.floats(0.0, 1.0)
+
+
+@given(distances, speeds, accelerations)
+def test_starts_and_stops_exactly(distance: float, speed: float, acceleration: float) -> None:
+    profile = Profile.within(distance, speed, acceleration)
+    assert profile.at(profile.duration) == (distance, 0.0, 0.0, 0.0)
+    assert profile.at(0.0)[1:] == (0.0, 0.0, 0.0)
+    assert math.isfinite(profile.duration)
+
+
+@given(distances, speeds, accelerations, fractions)
+def test_keeps_its_limits(
+    distance: float, speed: float, acceleration: float, fraction: float
+) -> None:
+    profile = Profile.within(distance, speed, acceleration)
+    gone, v, a, _ = profile.at(fraction * profile.duration)
+    assert -1e-9 <= gone <= distance + 1e-9
+    assert -1e-12 <= v <= speed * (1 + 1e-9)
+    assert abs(a) <= acceleration * (1 + 1e-9)
+
+
+@given(distances, speeds, accelerations, fractions, fractions)
+def test_never_turns_back(
+    distance: float, speed: float, acceleration: float, one: float, other: float
+) -> None:
+    profile = Profile.within(distance, speed, acceleration)
+    early, late = sorted((one, other))
+    before = profile.at(early * profile.duration)[0]
+    assert before <= profile.at(late * profile.duration)[0] + 1e-9 * (1.0 + distance)
+
+
+@given(st.floats(0.01, 50.0), speeds, accelerations, st.floats(0.01, 0.99))
+def test_each_value_is_the_derivative_of_the_one_before(
+    distance: float, speed: float, acceleration: float, fraction: float
+) -> None:
+    profile = Profile.within(distance, speed, acceleration)
+    step = 1e-4 * profile.ramp
+    time = fraction * profile.duration
+    before, here, after = (profile.at(time + k * step) for k in (-1, 0, 1))
+    jerk = acceleration / profile.ramp
+    for i, scale in ((0, profile.speed), (1, acceleration), (2, jerk)):
+        slope = (after[i] - before[i]) / (2.0 * step)
+        assert slope == pytest.approx(here[i + 1], abs=2e-2 * scale + 1e-6)
+
+
+def test_a_short_way_has_a_lower_peak_and_no_cruise() -> None:
+    profile = Profile.within(0.1, 1.0, 0.7)
+    assert profile.speed == pytest.approx(math.sqrt(0.1 * 0.7 / 1.875))
+    assert profile.duration == pytest.approx(2.0 * profile.ramp)
+
+
+def test_a_long_way_cruises_at_the_speed_asked_for() -> None:
+    profile = Profile.within(10.0, 1.0, 0.7)
+    assert profile.at(0.5 * profile.duration) == pytest.approx((5.0, 1.0, 0.0, 0.0))
+
+
+def test_no_way_takes_no_time() -> None:
+    assert Profile.within(0.0, 1.0, 0.7).duration == 0.0
+
+
+def test_an_endless_way_never_ends() -> None:
+    profile = Profile.within(math.inf, 0.5, 0.7)
+    assert profile.duration == math.inf
+    assert profile.at(1000.0)[1:] == (0.5, 0.0, 0.0)
+
+
+def test_a_ramp_longer_than_the_way_is_shortened() -> None:
+    profile = Profile(2.0, 1.0, 5.0)
+    assert (profile.ramp, profile.duration) == (2.0, 4.0)
+
+
+def test_the_smoothstep_is_still_at_both_ends_and_covers_a_half() -> None:
+    assert smoothstep(0.0) == (0.0, 0.0, 0.0, 0.0)
+    assert smoothstep(1.0) == (0.5, 1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("distance", [1e-6, 1e-3, 0.05])
+def test_a_little_way_takes_a_second_and_no_jerk_to_speak_of(distance: float) -> None:
+    profile = Profile.within(distance, speed=1.0, acceleration=0.7)
+    assert profile.duration == pytest.approx(1.0)
+    jerks = [abs(profile.at(0.001 * i)[3]) for i in range(1000)]
+    assert max(jerks) <= 48.0 * distance
+    assert profile.at(1.0)[0] == distance
+
+
+ways = st.lists(
+    st.tuples(st.floats(0.01, 10.0), st.floats(0.05, 3.0), st.floats(0.1, 3.0)), min_size=1
+)
+
+
+@given(ways, st.floats(0.0, 1.0))
+def test_at_the_pace_of_the_slowest_all_have_covered_the_same_share_within_their_limits(
+    limits: list[tuple[float, float, float]], share: float
+) -> None:
+    own = [Profile.within(*limit) for limit in limits]
+    pace = Pace.slowest(profile.pace for profile in own)
+    paced = [Profile.paced(distance, pace) for distance, _, _ in limits]
+
+    assert pace.duration >= max(profile.duration for profile in own) - 1e-9
+    covered = [p.at(share * pace.duration)[0] / p.distance for p in paced]
+    assert covered == pytest.approx([covered[0]] * len(covered), abs=1e-9)
+    for profile, (_, speed, acceleration) in zip(paced, limits, strict=True):
+        assert profile.duration == pytest.approx(pace.duration)
+        assert profile.speed <= speed * (1.0 + 1e-9)
+        assert STEEPEST * profile.speed / profile.ramp <= max(
+            acceleration, STEEPEST * profile.distance / 0.25
+        ) * (1.0 + 1e-9)
+
+
+def test_no_way_keeps_every_pace() -> None:
+    assert Profile.paced(0.0, Pace(2.0, 1.0)).at(1.0) == (0.0, 0.0, 0.0, 0.0)

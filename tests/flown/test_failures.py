@@ -27,8 +27,8 @@ from kybflow.dsl.plan import (
 from kybflow.flight.motion import IDLE
 from kybflow.parts import AIR, GROUND, Behavior, Effect, Entry, Link, Supervisor
 from kybflow.runtime.events import Events
-from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
 from kybflow.runtime.trackers.cascade import Cascade
+from kybflow.runtime.vehicle.failsafe import Failsafe, RaisedAlarm
 from kybflow.runtime.vehicle.requests import Requester
 
 AT = 6.0

@@ -8,7 +8,7 @@ from fake_view import FakeView
 from kybflow.core.units import LENGTH
 from kybflow.dsl.diagnostics import Span, Text
 from kybflow.dsl.expressions import Aggregate, Compare, Quantity, Read, Scope, parse
-from kybflow.runtime.conditions import bind
+from kybflow.runtime.conditions import reader_of
 
 VEHICLES = {"a": ("up", "hover"), "b": ("up", "hover"), "c": ("up",)}
 
@@ -18,7 +18,7 @@ def asked(words: str, now: float = 0.0, **views: FakeView) -> bool:
     expression, findings = parse(text, Scope("condition", VEHICLES, "a"))
     assert findings == []
     assert expression is not None
-    return bind(expression, {"a": FakeView(), **views}, "a", lambda: now)()
+    return reader_of(expression, {"a": FakeView(), **views}, "a", lambda: now)()
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def test_own_values(words: str, holds: bool) -> None:
 def test_values_are_read_anew_each_time() -> None:
     view = FakeView(position=(0.0, 0.0, 2.0))
     expression = Compare(">", Read(None, "state.altitude"), Quantity(1.0, LENGTH))
-    condition = bind(expression, {"a": view}, "a", lambda: 0.0)
+    condition = reader_of(expression, {"a": view}, "a", lambda: 0.0)
     assert condition()
     view.position = (0.0, 0.0, 0.5)
     assert not condition()
@@ -87,4 +87,4 @@ def test_a_statistic_is_no_condition() -> None:
     aggregate = Aggregate("mean", Read("a", "position_error"))
     expression = Compare("<", aggregate, Quantity(1.0, LENGTH))
     with pytest.raises(TypeError, match="not a value of one tick"):
-        bind(expression, {"a": FakeView()}, "a", lambda: 0.0)
+        reader_of(expression, {"a": FakeView()}, "a", lambda: 0.0)

@@ -22,7 +22,7 @@ from kybflow.drivers.sim import Sim
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, SensorPlan, TransitionPlan
 from kybflow.parts import Estimator, Sensor, Stream
 from kybflow.runtime.preflight import PreflightResult
-from kybflow.runtime.safety import take_off_tolerance
+from kybflow.runtime.vehicle.touch_down import said_distance
 from kybflow.world.cameras import Camera, Lens
 from kybflow.world.shapes import Box, MovingSphere
 
@@ -209,7 +209,7 @@ def test_a_vague_estimate_may_be_further_from_the_start():
 def test_but_not_as_far_as_it_likes():
     estimate = Estimate(0, (0.0, 0.0, 0.0), (0.0,) * 3, LEVEL, (0.0,) * 3, "fusion", 0.0, 1.0)
     spreads = (0.002, 0.083, 0.1, 5.0)
-    assert [take_off_tolerance.said(estimate._replace(spread=s)) for s in spreads] == [
+    assert [said_distance(estimate._replace(spread=s)) for s in spreads] == [
         "0.25 m allowed", "0.25 m allowed", "0.30 m allowed, 3 times its spread",
         "2.00 m allowed, the most",
     ]  # fmt: skip

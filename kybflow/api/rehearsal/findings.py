@@ -6,7 +6,7 @@ at the mission line of the vehicle that causes it, with notes on the other vehic
 `Arrivals` finds the values of a phase's `arrive` that would keep two of its vehicles apart, for the
 hints. With `in_turns`, one vehicle flies its whole path before the other begins. With `together`,
 both fly at a common pace, so that their relative motion is a straight line
-(`kybflow.flight.profiles.Pace`).
+(`kybflow.flight.motion.Pace`).
 """
 
 from __future__ import annotations

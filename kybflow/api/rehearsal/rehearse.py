@@ -43,7 +43,6 @@ from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.commanding.legal import check_emitted
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
-from kybflow.runtime.making import parts_of
 from kybflow.runtime.preflight import PreflightResult
 from kybflow.runtime.scores import Score
 from kybflow.world.vehicle_context import VehicleContext
@@ -140,7 +139,7 @@ def rehearse(
                 if not v.held
             )
     except PartFailed as failure:
-        made = ((vehicle.name, part) for vehicle in plan.vehicles for part in parts_of(vehicle))
+        made = ((vehicle.name, part) for vehicle in plan.vehicles for part in vehicle.parts)
         places = ((name, part.at) for name, part in made if part.label == failure.part)
         name, at = next(places, (plan.vehicles[0].name, plan.vehicles[0].at))
         found = (findings.stays_down(name, failure.part, str(failure), at, texts),)

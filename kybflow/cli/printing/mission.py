@@ -15,8 +15,8 @@ from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.graph.drawing import cause_of
 from kybflow.dsl.reading.values import shown_value
 from kybflow.dsl.resolving.parameters import shown_parameter
-from kybflow.flight.loops.design import margins_of
 from kybflow.flight.loops.margins import in_words
+from kybflow.flight.loops.position_loop import margins_of
 
 
 def show_mission(plan: plans.Plan, parameters: Mapping[str, plans.Parameter]) -> str:

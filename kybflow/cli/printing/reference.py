@@ -14,14 +14,16 @@ from kybflow.api import library
 from kybflow.cli.output import columns, grouped
 from kybflow.core import units
 from kybflow.core.errors import KybflowError
+from kybflow.core.events import BaseEvent, RunEvent
 from kybflow.core.params import Field, fields_of, type_of
 from kybflow.core.signals import MeasurementKind, kind_name
-from kybflow.core.units import Vec3
+from kybflow.core.sources import help_of, hints_of
+from kybflow.core.units import Dimension, Vec3
 from kybflow.dsl.diagnostics import render
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, entries_of
 from kybflow.dsl.reading.values import bounds_of, shown_value
 from kybflow.parts.catalog import Catalog, PartSpec, own_catalog
-from kybflow.parts.event_table import event_table
+from kybflow.parts.events import ENGINE_EVENTS
 from kybflow.world.vehicle_context import Airframe
 
 _NO_OPTIONS = ("drivers", "sensors", "inputs", "faults", "actions")
@@ -95,6 +97,49 @@ def _types() -> Iterator[tuple[str, ...]]:
             yield dimension.name, f"`{name}`", shapes[base], known, f"`{dimension.example}`"
     size, like = "3 rows of 3, `[[...], ...]`", "`[[1, 0, 0], [0, 1, 0], [0, 0, 1]]`"
     yield "matrix of any of these", "`Matrix[3, 3, Damping]`", size, "those of `Damping`", like
+
+
+_WAITED_FOR = {
+    "anywhere": "yes",
+    "to log it": "by a callback that logs it",
+    "too late": "no: the run is over then",
+    "nowhere": "no: it is recorded only",
+}
+
+
+def event_table(catalog: Catalog) -> Iterator[str]:
+    """Yield the lines of a Markdown table: the engine's events, then those that parts declare."""
+    yield "| event | of | when | it carries | can be waited for |"
+    yield "|---|---|---|---|---|"
+    for event in ENGINE_EVENTS.values():
+        yield _row(event, _owner(event))
+    owners: dict[type[BaseEvent], list[str]] = {}
+    for kind in ("behaviors", "processors"):
+        for name in catalog.names(kind):
+            for own in catalog.get(kind, name).cls.own_events:
+                owners.setdefault(own, []).append(f"`{name}`")
+    for event, names in owners.items():
+        yield _row(event, ", ".join(names))
+
+
+def _owner(event: type[BaseEvent]) -> str:
+    if issubclass(event, RunEvent):
+        return "the run"
+    return "a vehicle" if event.needs is None else f"a vehicle with {event.needs}"
+
+
+def _row(event: type[BaseEvent], owner: str) -> str:
+    hints = hints_of(event)
+    fields = ", ".join(f"`{field}`{_unit(hints[field])}" for field in event.fields)
+    cells = (f"`{event.name}`", owner, help_of(event), fields, _WAITED_FOR[event.awaited])
+    return f"| {' | '.join(cells)} |"
+
+
+def _unit(hint: object) -> str:
+    """Return the SI unit of a field in brackets; empty if it has none."""
+    found = (part for kind in (hint, *get_args(hint)) for part in get_args(kind))
+    units = [part.si for part in found if isinstance(part, Dimension) and part.si]
+    return f" [{units[0]}]" if units else ""
 
 
 def in_flight(field: Field) -> str:

@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.limits import too_steep
+from kybflow.dsl.checks.limits import too_fast, too_steep
 from kybflow.dsl.checks.obstacles import flies_into, kept_from_goals
-from kybflow.dsl.checks.space import held_back, leaves_the_fence, refuses, too_fast
+from kybflow.dsl.checks.space import held_back, leaves_the_fence, refuses
 from kybflow.dsl.diagnostics import Diagnostic, Findings
 from kybflow.dsl.expanding.flows import entry_values, valued_requests
 from kybflow.dsl.names import BUILT_IN

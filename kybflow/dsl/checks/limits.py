@@ -1,20 +1,21 @@
-"""Demands beyond an airframe's limits, implausible airframes, and payloads: KYB316 to KYB319,
-KYB395 to KYB397, KYB420 and KYB421."""
+"""Demands beyond an airframe's limits, implausible airframes, and payloads: KYB314, KYB316 to
+KYB319, KYB395 to KYB397, KYB420 and KYB421."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from math import atan, floor
+from math import atan, floor, inf
 from typing import NamedTuple
 
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.params import fields_of
-from kybflow.core.units import ANGLE, FORCE, MASS, format_quantity
+from kybflow.core.units import ANGLE, FORCE, MASS, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import footprints, the_limit, values_of
 from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 from kybflow.dsl.plan import Body, StatePlan, VehiclePlan
+from kybflow.parts import GROUND
 from kybflow.world.plausible import Implausible, of_airframe, of_parcel
 from kybflow.world.vehicle_context import Airframe, Parcel
 
@@ -52,6 +53,36 @@ def beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
             label=f"its airframe allows {format_quantity(limit, dimension)}",
             help=f"write at most `{name}: {format_quantity(limit, dimension)}`",
             related=the_limit(vehicle, name),
+        )
+
+
+def too_fast(case: Case) -> Iterator[Diagnostic]:
+    """KYB314: a behavior is faster than the airframe allows: its `speed`, or in a take-off or a
+    landing also its `climb`."""
+    for vehicle, state, _, footprint in case.cached(footprints):
+        legs = state.behavior.cls.flight
+        is_vertical = any(GROUND in leg and leg.start is not leg.end for leg in legs)
+        limit = min(vehicle.airframe.speed, vehicle.airframe.climb if is_vertical else inf)
+        origin = footprint.origin
+        is_climb = limit != vehicle.airframe.speed
+        way = "climbs" if any(leg.start is GROUND for leg in legs) else "descends"
+        if footprint.speed <= limit + _ROUNDING:
+            continue
+        most, is_written = format_quantity(limit, SPEED), state.behavior.is_written("speed")
+        yield Diagnostic(
+            "KYB314",
+            f"`{state.name}` {way if is_climb else 'flies'} faster than `{vehicle.name}` can",
+            state.behavior.span_of("speed"),
+            label=f"reaches {format_quantity(footprint.speed, SPEED)}",
+            notes=(
+                f"its airframe {'climbs and descends' if is_climb else 'flies'} at {most} at most",
+                *((f"fastest at {origin.fastest}",) if origin is not None else ()),
+            ),
+            help=f"write at most `speed: {most}`" if is_written else "fly it more slowly",
+            related=(
+                *the_limit(vehicle, "climb" if is_climb else "speed"),
+                *values_of(state.behavior),
+            ),
         )
 
 

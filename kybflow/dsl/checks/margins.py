@@ -10,18 +10,18 @@ from typing import NamedTuple
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.flight.loops.design import (
+from kybflow.flight.loops.margins import Margins, in_words
+from kybflow.flight.loops.position_loop import (
     ASKED,
     LEAST,
     PLANNED,
+    OuterLoop,
     asked_of,
     designed,
     holds,
     margins_of,
     quickest_observer,
 )
-from kybflow.flight.loops.margins import Margins, in_words
-from kybflow.flight.loops.response import OuterLoop
 from kybflow.world.vehicle_context import InnerLoop
 
 GAINS, MATRIX = ("proportional", "derivative", "integral"), "position_gain"

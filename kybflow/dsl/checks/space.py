@@ -1,21 +1,20 @@
-"""Where a vehicle flies and how fast, and whether anything keeps it in the room: KYB311 to KYB315,
+"""Where a vehicle flies, and whether anything keeps it in the room: KYB311 to KYB313, KYB315,
 KYB320 to KYB322 and KYB372."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import hypot, inf
+from math import hypot
 
 from kybflow.core.geometry import ZERO, Vec3, distance
-from kybflow.core.units import LENGTH, SPEED, format_quantity
+from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.flow_places import entered_by_flows
 from kybflow.dsl.checks.reachability import Entries, entries_of
 from kybflow.dsl.diagnostics import Diagnostic, Related, Severity, Span
-from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.dsl.reading import nodes
-from kybflow.parts import AIR, GROUND, Footprint
+from kybflow.parts import AIR, Footprint
 from kybflow.world.shapes import Box
 
 _ROUNDING = 1e-6
@@ -110,36 +109,6 @@ def held_back(case: Case) -> Iterator[Diagnostic]:
                 help="stay further away from the fence, or reduce the margin",
                 related=(*the_fence(case), *values_of(state.behavior)),
             )
-
-
-def too_fast(case: Case) -> Iterator[Diagnostic]:
-    """KYB314: a behavior is faster than the airframe allows: its `speed`, or in a take-off or a
-    landing also its `climb`."""
-    for vehicle, state, _, footprint in case.cached(footprints):
-        legs = state.behavior.cls.flight
-        is_vertical = any(GROUND in leg and leg.start is not leg.end for leg in legs)
-        limit = min(vehicle.airframe.speed, vehicle.airframe.climb if is_vertical else inf)
-        origin = footprint.origin
-        is_climb = limit != vehicle.airframe.speed
-        way = "climbs" if any(leg.start is GROUND for leg in legs) else "descends"
-        if footprint.speed <= limit + _ROUNDING:
-            continue
-        most, is_written = quantity(limit, SPEED), state.behavior.is_written("speed")
-        yield Diagnostic(
-            "KYB314",
-            f"`{state.name}` {way if is_climb else 'flies'} faster than `{vehicle.name}` can",
-            state.behavior.span_of("speed"),
-            label=f"reaches {quantity(footprint.speed, SPEED)}",
-            notes=(
-                f"its airframe {'climbs and descends' if is_climb else 'flies'} at {most} at most",
-                *((f"fastest at {origin.fastest}",) if origin is not None else ()),
-            ),
-            help=f"write at most `speed: {most}`" if is_written else "fly it more slowly",
-            related=(
-                *the_limit(vehicle, "climb" if is_climb else "speed"),
-                *values_of(state.behavior),
-            ),
-        )
 
 
 def refuses(case: Case) -> Iterator[Diagnostic]:

@@ -1,4 +1,4 @@
-"""Obstacle avoidance for behaviors and processors: obstacles and vehicles nearby (`obstacles`,
-`surroundings`); rules that change a velocity (`clearance`, `potential`) or an acceleration
-(`barrier`) so that nothing is hit; the way around obstacles (`detour`); and setpoints that keep
-clear (`following`)."""
+"""Obstacle avoidance for behaviors and processors: obstacles and vehicles nearby (`surroundings`);
+rules that change a velocity (`clearance`) or an acceleration (`barrier`) so that nothing is hit;
+and setpoints that keep clear, also by a way around obstacles (`following`).
+"""

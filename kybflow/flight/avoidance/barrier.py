@@ -138,28 +138,23 @@ def least_bad(wanted: Vec3, demands: Sequence[Demand], strongest: float) -> Vec3
 def stopped(
     wanted: Vec3, velocity: Vec3, demands: Sequence[Demand], strongest: float, dt: float
 ) -> Vec3 | None:
-    """Return an acceleration that fulfils the demands, like `filtered`, except that a vehicle
-    heading for something brakes along its path, no harder than necessary. It slides along the
-    hazard only if its path leads past it."""
+    """Return an acceleration that meets the demands, as `filtered` does, except that a vehicle that
+    is heading for a hazard brakes along its path, no harder than necessary. The vehicle slides
+    along a hazard only if its path leads past it."""
     broken = [d for d in demands if not d.holds(wanted)]
     heading = add(velocity, scale(wanted, dt))
     steep = -_STEEP * norm(heading)
     if any(dot(d.normal, heading) < steep for d in broken):
         brake = braked(velocity, strongest, dt)
         change = sub(brake, wanted)
-        shares = [_share(d, wanted, change) for d in broken]
+        gains = ((d, dot(d.normal, change)) for d in broken)
+        # the share of the change that fulfils each demand; infinite if the change doesn't help
+        shares = [(d.least - dot(d.normal, wanted)) / g if g > _EXACT else inf for d, g in gains]
         given = add(wanted, scale(change, max(shares)))
         if max(shares) <= 1.0 and all(d.holds(given) for d in demands):
             return given
         return filtered(brake, demands, strongest)
     return filtered(wanted, demands, strongest)
-
-
-def _share(broken: Demand, wanted: Vec3, change: Vec3) -> float:
-    """Return the share of a change that is needed to fulfil a demand; infinite if the change
-    doesn't help."""
-    gain = dot(broken.normal, change)
-    return (broken.least - dot(broken.normal, wanted)) / gain if gain > _EXACT else inf
 
 
 def braked(velocity: Vec3, strongest: float, dt: float) -> Vec3:

@@ -1,4 +1,5 @@
-"""The frame of a formation: a point with a heading, both moving; places are defined in it.
+"""The frame of a formation: a point with a heading, both moving; places are defined in it. Also the
+path of a vehicle in it, around the places that are taken (`clear_way`).
 
 With the heading psi, its rate w, the position o(t) of a vehicle in the frame, and R the rotation by
 psi,
@@ -15,15 +16,25 @@ so that differences in what members received don't last. World frame, metres, ra
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from math import atan2, cos, hypot, sin, sqrt
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from math import atan2, cos, hypot, pi, sin, sqrt
 from typing import NamedTuple
 
-from kybflow.core.geometry import ZERO, Vec3, add, distance, dot, norm, scale, sub, wrap
+from kybflow.core.geometry import (
+    ZERO,
+    Vec3,
+    add,
+    distance,
+    dot,
+    least_distance,
+    norm,
+    scale,
+    sub,
+    wrap,
+)
 from kybflow.flight.avoidance.clearance import Surface, bounded, stopping_speed
 from kybflow.flight.governor import shortened
-from kybflow.flight.motion import Coast, Motion
-from kybflow.flight.profiles import STEEPEST, smoothstep
+from kybflow.flight.motion import STEEPEST, Coast, Motion, smoothstep
 
 AGREEING = 1.0
 """The rate k at which the members' frames converge, 1/s."""
@@ -66,7 +77,8 @@ class MovingFrame(NamedTuple):
         return [(c * x - s * y, s * x + c * y, z) for x, y, z in vectors]
 
     def motion(self, place: Motion) -> Motion:
-        """Return the world motion of a place, which may move in the frame."""
+        """Return the motion, in the world frame, of a place that may itself move within the
+        formation's frame."""
         w = self.rate
         o, u, b = self.all_turned((place.position, place.velocity, place.acceleration))
         velocity = add(add(self.velocity, self.drift), (u[0] - w * o[1], u[1] + w * o[0], u[2]))
@@ -158,7 +170,10 @@ def moved(
         change = shortened(sub(wanted, frame.velocity), _HARD * dt)
     velocity = add(frame.velocity, change)
     rate = _turning(frame, asked.rate, limits, reach, near, dt)
-    drift, turn = (ZERO, 0.0) if mean is None else _drift(frame, mean)
+    drift, turn = ZERO, 0.0
+    if mean is not None:
+        drift = shortened(scale(sub(mean.centre, frame.centre), AGREEING), _FASTEST)
+        turn = AGREEING * wrap(mean.heading - frame.heading)
     if surfaces:
         drift = bounded(drift, surfaces)
     step = add(scale(add(frame.velocity, velocity), 0.5 * dt), scale(drift, dt))
@@ -193,12 +208,6 @@ def _turning(
         if closing > allowed:
             share = min(share, allowed / closing)
     return rate * share
-
-
-def _drift(frame: MovingFrame, mean: MovingFrame) -> tuple[Vec3, float]:
-    """Return the velocity and the turn rate with which a frame drifts towards the mean of all."""
-    away = scale(sub(mean.centre, frame.centre), AGREEING)
-    return shortened(away, _FASTEST), AGREEING * wrap(mean.heading - frame.heading)
 
 
 def mean_frame(frames: Sequence[MovingFrame]) -> MovingFrame:
@@ -237,3 +246,87 @@ def approach_speed(gap: float, acceleration: float) -> float:
     there, proportional to small gaps (2 1/s). Works for angles in radians too."""
     linear = acceleration / 8.0
     return 2.0 * gap if gap <= linear else sqrt(2.0 * acceleration * (gap - 0.5 * linear))
+
+
+_ROUND = 8
+"""Corners on each level circle round a place."""
+_WIDER = (1.1, 1.5, 2.2)
+"""Distances of the corners from a place, as multiples of the least distance that a leg must keep;
+they are larger because the legs cut the circle."""
+
+
+def clear_way(
+    start: Vec3,
+    goal: Vec3,
+    taken: Sequence[Vec3],
+    apart: float,
+    is_open: Callable[[Vec3, Vec3], bool],
+) -> tuple[Vec3, ...] | None:
+    """Return the points after `start` of a path to `goal`, or None if there is none. The path keeps
+    the distance `apart` from the places in `taken`; from a place that is already nearer to the
+    start or the goal, it keeps that distance. is_open: returns whether a leg is clear of other
+    things; not called for the straight path.
+
+    A vehicle that joins a standing formation flies straight to its place. If that leads too close
+    to another, it flies over one corner beside, above or below that one: the corner with the
+    shortest path of which both legs are clear. The others stay in their places meanwhile, so a path
+    that is clear in the frame stays clear while the frame moves. Metres, in the frame.
+    """
+    bounds = [(one, min(apart, distance(start, one), distance(goal, one))) for one in taken]
+    near = [(one, bound) for one, bound in bounds if bound > 0.0]
+    in_the_way = [one for one, bound in near if not _passes(start, goal, one, bound)]
+    if not in_the_way:
+        return (goal,)
+    corners = [corner for one in in_the_way for corner in _beside(one, apart)]
+    for corner in sorted(corners, key=lambda c: distance(start, c) + distance(c, goal)):
+        legs = ((start, corner), (corner, goal))
+        if all(_passes(*leg, one, bound) for leg in legs for one, bound in near) and all(
+            is_open(*leg) for leg in legs
+        ):
+            return (corner, goal)
+    return None
+
+
+def _passes(start: Vec3, end: Vec3, place: Vec3, apart: float) -> bool:
+    """Return whether a leg stays `apart` from a place, within rounding."""
+    return least_distance(sub(start, place), sub(end, place)) >= apart - 1e-6
+
+
+def _beside(place: Vec3, apart: float) -> Iterator[Vec3]:
+    for wider in _WIDER:
+        for i in range(_ROUND):
+            angle = 2.0 * pi * i / _ROUND
+            yield add(place, scale((cos(angle), sin(angle), 0.0), wider * apart))
+        yield add(place, (0.0, 0.0, wider * apart))
+        yield add(place, (0.0, 0.0, -wider * apart))
+
+
+class WayToPlace:
+    """A motion in the formation's frame from `start` through `points`, with a stop at each. length:
+    if the path is straight, it takes as long as a path of this length."""
+
+    def __init__(
+        self,
+        start: Motion,
+        points: Sequence[Vec3],
+        length: float,
+        speed: float,
+        acceleration: float,
+    ) -> None:
+        self.duration = 0.0
+        legs: list[tuple[float, Shift]] = []
+        for point in points:
+            far = length if len(points) == 1 else distance(start.position, point)
+            leg = Shift(start, point, Shift.time_for(far, speed, acceleration))
+            legs.append((self.duration, leg))
+            self.duration += leg.duration
+            start = Motion(point)
+        self._last_first = legs[::-1]
+
+    def at(self, time: float) -> Motion:
+        """Return the motion in the frame `time` seconds after the start. Raises ValueError if
+        `time` is negative."""
+        for began, leg in self._last_first:
+            if time >= began:
+                return leg.at(time - began)
+        raise ValueError(f"{time} s is before the start")

@@ -1,7 +1,7 @@
-"""The filter of the estimator `fusion`: its start, its gate, and when it starts anew.
-`kybflow.runtime.estimators.fusion` documents the rules.
+"""The filter of the estimator `fusion`: initialization, outlier gate and reset. The rules for these
+are in `kybflow.runtime.estimators.fusion`.
 
-It starts from a pose, or from a position and the IMU's readings at rest.
+The filter starts from a pose, or from a position and the IMU's readings at rest.
 """
 
 from __future__ import annotations
@@ -97,7 +97,8 @@ class Filter:
         return self._replay.at(time) if self.is_known else None
 
     def anchor(self, estimate: Estimate) -> None:
-        """Accept the estimate of another estimator, on which the vehicle flies."""
+        """Compare measurements with the estimate of another estimator, on which the vehicle flies,
+        from now on."""
         self._gate.flown = estimate
 
     def add_imu(self, imu: Imu) -> None:
@@ -121,7 +122,9 @@ class Filter:
         if seen is not None and not gate.passes(
             _as_pose(fix, seen.attitude), seen, self._bounds(fix)
         ):
-            self._refuse(fix, seen, self._believed(fix.time), flown)
+            belief = self._replay.at(fix.time)
+            own = None if state is None or belief is None else _reference(state, belief.nominal)
+            self._refuse(fix, seen, own, flown)
             return
         if fix.attitude is None:
             self._wander = sqrt(self._params.position_wander) * fix.deviation
@@ -148,12 +151,6 @@ class Filter:
         velocity = self._gate.opened(pose, reference, own, self._bounds(fix))
         if velocity is not None:
             self._begin(fix, flown, None if fix.attitude is None else velocity)
-
-    def _believed(self, time: Time) -> Reference | None:
-        """Return the filter's own reference, extrapolated from the newest measurement that passed;
-        None before the first."""
-        state, belief = self._replay.state, self._replay.at(time)
-        return None if state is None or belief is None else _reference(state, belief.nominal)
 
     def _doubts(self, state: FilterState) -> bool:
         since, last = state.doubted, state.missed

@@ -1,5 +1,6 @@
-"""The parameters of the fusion: the source of its measurements, their noise, and what is
-refused."""
+"""The parameters of the fusion: the source of its measurements, their noise, and what is refused.
+The compiler reads these without the filter, which loads NumPy.
+"""
 
 from __future__ import annotations
 

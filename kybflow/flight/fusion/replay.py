@@ -30,6 +30,7 @@ from kybflow.flight.fusion.covariance import (
     ImuNoise,
     Matrix,
     Nominal,
+    Vibration,
     chi_square_bound,
     correction,
     predicted,
@@ -37,7 +38,6 @@ from kybflow.flight.fusion.covariance import (
     seen_with,
     widened,
 )
-from kybflow.flight.fusion.vibration import Vibration
 from kybflow.flight.pose_gate import is_same
 
 STEP = NS // 25

@@ -64,18 +64,18 @@ def in_words(found: Margins) -> str:
 UNSTABLE = Margins(1.0, 0.0, 0.0)
 
 
-def _grid() -> tuple[float, ...]:
-    coarse = (LOWEST * (LOW / LOWEST) ** (k / COARSE) for k in range(COARSE))
-    fine = (LOW * (HIGHEST / LOW) ** (k / FINE) for k in range(FINE + 1))
-    return (*coarse, *fine)
-
-
-_GRID = _grid()
+_GRID = (
+    *(LOWEST * (LOW / LOWEST) ** (k / COARSE) for k in range(COARSE)),
+    *(LOW * (HIGHEST / LOW) ** (k / FINE) for k in range(FINE + 1)),
+)
 
 
 def margins(response: Response) -> Margins:
     """Return the margins of a loop without poles in the right half plane."""
-    curve = [*_curve(response)]
+    points = [(w, response(complex(0.0, w))) for w in _GRID]
+    curve = [points[0]]
+    for before, after in pairwise(points):
+        curve += _refined(response, before, after, FINEST)
     if not _is_stable(curve):
         return UNSTABLE
     gain = phase = delay = inf
@@ -87,29 +87,24 @@ def margins(response: Response) -> Margins:
     return Margins(gain, phase, delay)
 
 
-def _curve(response: Response) -> Iterator[_Point]:
-    """Yield (frequency, L) along the imaginary axis."""
-    points = [(w, response(complex(0.0, w))) for w in _GRID]
-    yield points[0]
-    for before, after in pairwise(points):
-        yield from _refined(response, before, after, FINEST)
-
-
 def _refined(response: Response, a: _Point, b: _Point, halvings: int) -> Iterator[_Point]:
     """Yield the points after `a` up to `b`, close enough that L doesn't turn far between two of
     them."""
     (w, here), (x, there) = a, b
-    if halvings and max(abs(here), abs(there)) > SMALL and _turns_far(here, there):
+    if (
+        halvings
+        and max(abs(here), abs(there)) > SMALL
+        and (
+            max(abs(cmath.phase(there / here)), abs(cmath.phase((1.0 + there) / (1.0 + here))))
+            > SHARPEST
+        )
+    ):
         middle = sqrt(w * x)
         half = middle, response(complex(0.0, middle))
         yield from _refined(response, a, half, halvings - 1)
         yield from _refined(response, half, b, halvings - 1)
     else:
         yield b
-
-
-def _turns_far(a: complex, b: complex) -> bool:
-    return max(abs(cmath.phase(b / a)), abs(cmath.phase((1.0 + b) / (1.0 + a)))) > SHARPEST
 
 
 def _is_stable(curve: Sequence[_Point]) -> bool:

@@ -2,7 +2,7 @@
 
 It first flies in a straight line to the nearest point of the circle (from the centre: to the point
 straight ahead) and stops there; from there the arc length follows a rest-to-rest profile s(t)
-(`kybflow.flight.profiles`) and, with phi = phi0 + s / r,
+(`kybflow.flight.motion`) and, with phi = phi0 + s / r,
 
     p = c + r (cos phi, sin phi),   v = s' e,   a = s'' e - s'^2/r n,
     j = (s''' - s'^3/r^2) e - 3 s' s''/r n,        e = (-sin phi, cos phi), n = (cos phi, sin phi)
@@ -21,8 +21,7 @@ from kybflow.core.events import Emitting
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Length, Number, Position, Speed, Vec3
-from kybflow.flight.motion import Coast, Straight
-from kybflow.flight.profiles import Profile
+from kybflow.flight.motion import Coast, Profile, Straight
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 from kybflow.runtime.behaviors._laps import LapCompleted, Laps
 

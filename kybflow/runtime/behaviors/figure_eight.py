@@ -21,8 +21,7 @@ from math import cos, hypot, pi, sin, sqrt
 from kybflow.core.events import Emitting
 from kybflow.core.signals import Done, Setpoint, SetpointKind, Tick, made
 from kybflow.core.units import Angle, Duration, Length, Number, Vec3
-from kybflow.flight.motion import Coast
-from kybflow.flight.profiles import Profile
+from kybflow.flight.motion import Coast, Profile
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 from kybflow.runtime.behaviors._laps import LapCompleted, Laps
 

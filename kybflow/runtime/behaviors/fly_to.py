@@ -4,7 +4,7 @@ It is done when the vehicle has been within `tolerance` of the goal for `dwell`,
 `heading_tolerance` of its heading if that is given. The setpoint follows a rest-to-rest profile
 with at most `speed` and `acceleration`; over a short distance the peak speed is lower,
 V = sqrt(distance * acceleration / (15/8)), so the setpoint stops at the goal for any distance
-(`kybflow.flight.profiles`; TeleKyb's SmoothLinearFlyTo had a negative cruise time there). The
+(`kybflow.flight.motion`; TeleKyb's SmoothLinearFlyTo had a negative cruise time there). The
 planned speed is at most 95 % of the airframe's limit, because tracking needs the rest. A velocity
 at entry is reduced to zero on the way. The vehicle turns to a `heading` in the shorter direction.
 
@@ -25,8 +25,7 @@ from kybflow.core.units import (
     Speed,
     Vec3,
 )
-from kybflow.flight.motion import Coast, Dwell, Straight, Turn
-from kybflow.flight.profiles import Pace, Profile
+from kybflow.flight.motion import Coast, Dwell, Pace, Profile, Straight, Turn
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
 

@@ -1,7 +1,7 @@
 """Fly along straight legs from corner to corner, stopping at each; done at the last.
 
 Each leg is a rest-to-rest profile with at most `speed` and `acceleration`
-(`kybflow.flight.profiles`). The next leg begins when the vehicle has been within `tolerance` of
+(`kybflow.flight.motion`). The next leg begins when the vehicle has been within `tolerance` of
 the corner for `dwell`, and within `heading_tolerance` of its heading if that is given; it begins at
 the corner itself, so the trajectory has no step. The vehicle turns to a `heading` on the first leg,
 in the shorter direction.
@@ -18,8 +18,7 @@ from kybflow.core.errors import Refused
 from kybflow.core.geometry import distance
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Angle, AngularRate, Duration, Length, Path, Speed, Vec3
-from kybflow.flight.motion import Coast, Dwell, Straight, Turn
-from kybflow.flight.profiles import Profile
+from kybflow.flight.motion import Coast, Dwell, Profile, Straight, Turn
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
 

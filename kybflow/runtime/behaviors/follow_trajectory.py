@@ -25,8 +25,7 @@ from kybflow.core.files import File
 from kybflow.core.geometry import Vec3, distance, norm, wrap
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, AngularRate, Duration, Length, Speed
-from kybflow.flight.motion import Coast, Dwell, Straight, Turn
-from kybflow.flight.profiles import Profile
+from kybflow.flight.motion import Coast, Dwell, Profile, Straight, Turn
 from kybflow.flight.trajectory import read_trajectory
 from kybflow.parts import AIR, Behavior, Entry, Footprint, Origin, param, params
 

@@ -2,7 +2,7 @@
 
 Home is the vehicle's `home` in the mission, or its start if the mission gives none. The height is
 the present one, or `height` above the ground of the start if that is more, but always 0.3 m below
-the fence's top. Both legs are rest-to-rest profiles (`kybflow.flight.profiles`); a velocity at
+the fence's top. Both legs are rest-to-rest profiles (`kybflow.flight.motion`); a velocity at
 entry is reduced to zero on the way. It is done when the vehicle is within `tolerance` of the point
 above home, and `patience` after the planned end in any case: the next behavior lands the vehicle
 wherever it is.

@@ -37,8 +37,14 @@ from kybflow.core.geometry import distance
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Duration, Length, Position, Speed, Vec3
 from kybflow.flight.landing_place import place_beside, vehicle_below
-from kybflow.flight.motion import COAST_ACCELERATION, IDLE, Coast, Dwell, Straight
-from kybflow.flight.profiles import Profile
+from kybflow.flight.motion import (
+    COAST_ACCELERATION,
+    IDLE,
+    Coast,
+    Dwell,
+    Profile,
+    Straight,
+)
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Footprint, param, params
 
 _STILL = 0.015

@@ -14,8 +14,8 @@ m/s (time in s), from rest, for an error e of the thrust model:
 
 With an accelerometer error of 0.25 m/s^2, the touch-down speed from 2.5 m is 1.5 m/s (2.9 s) or
 1.0 m/s (10 s), depending on the sign of the error. If an estimator needs the IMU, its measurement
-at rest on the ground is known and taken as gravity (`kybflow.runtime.monitoring.resting_bias`);
-only a later change then has this effect.
+at rest on the ground is known and taken as gravity (`kybflow.runtime.vehicle.knowledge`); only a
+later change then has this effect.
 
 It begins at the vertical speed of the last setpoint, or of the estimate.
 

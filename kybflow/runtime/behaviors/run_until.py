@@ -11,7 +11,7 @@ TeleKyb has no such behavior; there a person at the joystick stopped the vehicle
 setpoints, because the distance flown until something happens matters, not a schedule: a vehicle
 that was held back doesn't chase a setpoint that has moved ahead. The speed rises with the
 smoothstep S and falls with its mirror image, with at most `acceleration`
-(`kybflow.flight.profiles`); if there is no room for the requested speed, it is lower. The vehicle
+(`kybflow.flight.motion`); if there is no room for the requested speed, it is lower. The vehicle
 begins to slow down when the rest of `at_most`, measured by the estimate along the velocity, is the
 distance that slowing down takes.
 
@@ -27,8 +27,7 @@ from kybflow.core.errors import Refused
 from kybflow.core.geometry import Vec3, add, dot, norm, scale, sub
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Duration, Length, Velocity
-from kybflow.flight.motion import Coast
-from kybflow.flight.profiles import STEEPEST, Profile, smoothstep
+from kybflow.flight.motion import STEEPEST, Coast, Profile, smoothstep
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
 

@@ -1,7 +1,7 @@
 """Take off: climb straight up to a height above the ground.
 
 The setpoint rises from the estimate's position at entry along a rest-to-rest profile
-(`kybflow.flight.profiles`) with at most `speed` and `acceleration`. If the vehicle stays more than
+(`kybflow.flight.motion`) with at most `speed` and `acceleration`. If the vehicle stays more than
 0.3 m behind, the profile waits for it, so that the setpoint doesn't run away from a vehicle that
 can't lift; if it is more than 0.1 m ahead, lifted by its autopilot, the profile continues from
 there. It is done when the profile has ended and the height has settled: for `dwell` the height must
@@ -16,8 +16,7 @@ from __future__ import annotations
 
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Duration, Length, Speed, Vec3
-from kybflow.flight.motion import Dwell
-from kybflow.flight.profiles import Profile
+from kybflow.flight.motion import Dwell, Profile
 from kybflow.parts import AIR, GROUND, Behavior, Entry, Footprint, param, params
 
 _LEASH, _AHEAD = 0.3, 0.1

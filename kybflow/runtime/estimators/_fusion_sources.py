@@ -8,17 +8,71 @@ from typing import TYPE_CHECKING
 
 import numpy
 
-from kybflow.core.geometry import add, integrate, norm
-from kybflow.core.signals import Frame, Measurement, Pose, Position, Time
+from kybflow.core.geometry import Vec3, add, conjugate, integrate, multiply, norm, scale, sub
+from kybflow.core.signals import NS, Frame, Measurement, Pose, Position, Time
 from kybflow.flight.fusion.covariance import Matrix
-from kybflow.flight.fusion.jitter import Jitter
 from kybflow.flight.fusion.params import FilterParams
 from kybflow.flight.fusion.replay import Belief, Fix
+from kybflow.flight.pose_gate import STEP, TURN
 from kybflow.world.cameras import CalibrationErrors
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     from kybflow.vision.locating.locator import Prediction, Sighting
+
+TIME = 0.25
+GAP = NS // 20
+"""The longest time between two successive poses, ns."""
+
+
+class Jitter:
+    """Measures the noise of poses by how far each is off the line through the two poses before it.
+
+    With e the difference between a pose and its extrapolation from the last two, s the seconds
+    between these, t the seconds after them, r = t / s, and white noise of each pose,
+
+        var(e) = (1 + (1 + r)^2 + r^2) noise^2
+
+    at any velocity; an acceleration a adds a t (t + s) / 2, less than 1 mm at 120 Hz. The variance
+    is averaged over `TIME`. A difference that no flight explains is a jump, not noise. After a gap,
+    the measurement starts anew. Motion capture doesn't report its noise (for noise learnt from
+    innovations: R. Mehra, "Approaches to adaptive filtering", IEEE TAC 1972).
+
+    position, attitude: the variances along and about each axis, m^2 and rad^2.
+    """
+
+    def __init__(self) -> None:
+        self.position = self.attitude = 0.0
+        self._last: Pose | None = None
+        self._since: Time = 0
+        self._moved: tuple[Vec3, Vec3] | None = None
+
+    def see(self, pose: Pose) -> None:
+        """Process a pose. A pose that isn't newer than the last is ignored."""
+        last, before = self._last, self._moved
+        since = 0 if last is None else pose.time - last.time
+        if last is not None and since <= 0:
+            return
+        self._last, self._moved = pose, None
+        if last is None or since > GAP:
+            return
+        w, x, y, z = multiply(conjugate(last.attitude), pose.attitude)
+        turned = scale((x, y, z), 2.0 if w >= 0.0 else -2.0)  # the short way round
+        self._moved = moved, _ = sub(pose.position, last.position), turned
+        if before is not None:
+            r, dt = since / self._since, since / NS
+            off, twist = sub(moved, scale(before[0], r)), sub(turned, scale(before[1], r))
+            share = dt / ((TIME + dt) * (1.0 + (1.0 + r) * (1.0 + r) + r * r))
+            if norm(off) < STEP and norm(twist) < TURN:
+                self.position += share * _mean_square(off) - dt / (TIME + dt) * self.position
+                self.attitude += share * _mean_square(twist) - dt / (TIME + dt) * self.attitude
+        self._since = since
+
+
+def _mean_square(v: Vec3) -> float:
+    x, y, z = v
+    return (x * x + y * y + z * z) / 3.0
+
 
 FARTHEST = 1e5
 """Distance (m) from the origin beyond which a position is invalid."""
@@ -72,17 +126,11 @@ class _Poses:
         n = square**-0.5
         pose = Pose(measured.time, measured.position, (w * n, x * n, y * n, z * n))
         self._jitter.see(pose)
-        return Fix(*pose, self._now())
-
-    def _now(self) -> Matrix:
-        """Return the current covariance (6, 6) of a pose."""
-        position, attitude = self._jitter.position, self._jitter.attitude
-        if position <= self._position and attitude <= self._attitude:
-            return self._noise
-        declared = self._noise.diagonal()
-        found = numpy.repeat((position, attitude), 3)
-        noise: Matrix = numpy.diag(numpy.maximum(declared, found))
-        return noise
+        noise, position, attitude = self._noise, self._jitter.position, self._jitter.attitude
+        if position > self._position or attitude > self._attitude:
+            found = numpy.repeat((position, attitude), 3)
+            noise = numpy.diag(numpy.maximum(noise.diagonal(), found))
+        return Fix(*pose, noise)
 
 
 def _position(noise: Matrix, measured: Measurement) -> Fix | None:

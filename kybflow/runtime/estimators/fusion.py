@@ -17,7 +17,7 @@ a process that forgets while the body moves on to other tags (`kybflow.flight.fu
 So no frame is refused because of an error that all frames share. Gravity and motion reveal how the
 camera is mounted and how late frames are stamped; errors that they don't reveal are included in the
 spread. An IMU whose samples scatter more than declared gets less weight
-(`kybflow.flight.fusion.vibration`).
+(`kybflow.flight.fusion.covariance`).
 
 A measurement is refused if only a fraction `gate` of correct ones has a larger innovation
 (chi-square), or if it is further than `widest_gate` plus four times its own deviation from the
@@ -98,15 +98,6 @@ class Fusion(Estimator[FusionParams]):
                 self.filter.add_imu(measurement)
         self.filter.take(self._read(measurements), now)
         self.refusal = self.filter.refusal
-        return self._estimate(now)
-
-    def anchor(self, estimate: Estimate) -> None:
-        self.filter.anchor(estimate)
-
-    def _saw(self, sighting: Sighting | None) -> None:
-        self.sighting = sighting
-
-    def _estimate(self, now: Time) -> Estimate | None:
         nominal, state = self.filter.nominal, self.filter.state
         if nominal is None or state is None or not self.filter.is_known:
             return None
@@ -127,6 +118,12 @@ class Fusion(Estimator[FusionParams]):
             (now - state.fused) / NS,
             self.filter.spread,
         )
+
+    def anchor(self, estimate: Estimate) -> None:
+        self.filter.anchor(estimate)
+
+    def _saw(self, sighting: Sighting | None) -> None:
+        self.sighting = sighting
 
 
 def _is_sound(imu: Imu) -> bool:

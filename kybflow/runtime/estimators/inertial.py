@@ -104,6 +104,9 @@ class Inertial(Estimator[InertialParams]):
         ahead = (now - self._time) / NS
         px, py, pz = self._position
         vx, vy, vz = self._velocity
+        p, alone = self.params, (now - self._anchored) / NS
+        drift = p.drift + (p.first_drift - p.drift) * self._unlearnt
+        slip, bend = p.speed_error * alone, 0.5 * drift * alone * alone
         return Estimate(
             now,
             (px + ahead * vx, py + ahead * vy, pz + ahead * vz),
@@ -112,7 +115,7 @@ class Inertial(Estimator[InertialParams]):
             self._rates,
             "inertial",
             ahead,
-            self._spread((now - self._anchored) / NS),
+            sqrt(self._anchor_spread**2 + slip * slip + bend * bend),
         )
 
     def anchor(self, estimate: Estimate) -> None:
@@ -188,12 +191,6 @@ class Inertial(Estimator[InertialParams]):
         s = -k * k * dt
         self._gyro_bias = _within(self._gyro_bias, (s * dx, s * dy, s * dz), MOST_TURN)
         self._unlearnt *= max(1.0 - 0.5 * k * dt, 0.0)
-
-    def _spread(self, alone: float) -> float:
-        p = self.params
-        drift = p.drift + (p.first_drift - p.drift) * self._unlearnt
-        slip, bend = p.speed_error * alone, 0.5 * drift * alone * alone
-        return sqrt(self._anchor_spread**2 + slip * slip + bend * bend)
 
 
 def _within(bias: Vec3, change: Vec3, most: float) -> Vec3:

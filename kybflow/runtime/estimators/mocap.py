@@ -33,11 +33,9 @@ from kybflow.flight.pose_gate import (
     is_same,
     seen_from,
 )
-from kybflow.flight.tracked_pose import TrackedParams, TrackedPose
+from kybflow.flight.tracked_pose import CALM, TrackedParams, TrackedPose
 from kybflow.parts import Estimator, param, params
-from kybflow.runtime.estimators._felt_force import FeltForce
-from kybflow.runtime.estimators._imu_sums import ImuSums
-from kybflow.runtime.estimators._stamp_offset import StampOffset
+from kybflow.runtime.estimators._mocap_imu import FeltForce, ImuSums, StampOffset
 from kybflow.world.vehicle_context import VehicleContext
 
 COARSEST = 0.0125
@@ -108,15 +106,15 @@ class Mocap(Estimator[MocapParams]):
             return
         flown = gate.current(time)
         velocity = ZERO if flown is None else flown.velocity
+        pushed = CALM if force is None else force.pushed
         if track.count == 0 or (flown is None and self._is_near(pose, dt)):
-            track.take(pose, velocity)
+            track.take(pose, velocity, pushed)
             if gate.refusal is not None:
                 gate.passed(time)
         else:
-            self._judge(pose, dt, flown, velocity)
+            self._judge(pose, dt, flown, velocity, pushed)
         if force is not None and track.stamp == time:
             force.look(time, track.velocity, track.attitude, track.rates, track.slope)
-            track.pushed = force.pushed
         self.refusal = gate.refusal
 
     def _corrected(self, pose: Pose) -> Pose:
@@ -130,7 +128,14 @@ class Mocap(Estimator[MocapParams]):
             attitude = multiply(attitude, force.turned)
         return Pose(time, position, attitude)
 
-    def _judge(self, pose: Pose, dt: float, flown: Estimate | None, velocity: Vec3) -> None:
+    def _judge(
+        self,
+        pose: Pose,
+        dt: float,
+        flown: Estimate | None,
+        velocity: Vec3,
+        pushed: tuple[float, float],
+    ) -> None:
         """Process a pose that passes the gate. Restart the filter if the pose is the first one, or
         if the gate opens for it; drop it otherwise."""
         track, gate, p = self._track, self._gate, self.params
@@ -144,8 +149,9 @@ class Mocap(Estimator[MocapParams]):
             begun = gate.opened(pose, reference, own, bounds) if self._known else velocity
             if begun is None:
                 return
-            track.count, velocity = 0, begun
-        track.take(pose, velocity)
+            track.restart()
+            velocity = begun
+        track.take(pose, velocity, pushed)
 
     def _is_near(self, pose: Pose, dt: float) -> bool:
         """Return whether a pose is close to its prediction. This cheap test suffices for nearly

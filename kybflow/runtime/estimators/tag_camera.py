@@ -132,7 +132,7 @@ class TagCamera(Estimator[TagCameraParams]):
             return ZERO
         velocity = ZERO if is_sure else gate.opened(pose, reference, reference, bounds)
         if velocity is not None:
-            track.count = 0
+            track.restart()
         return velocity
 
     def _predicted(self, time: Time, t: float) -> Prediction | None:

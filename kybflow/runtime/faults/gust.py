@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from kybflow.core.units import Duration, Velocity
-from kybflow.flight.profiles import rising
+from kybflow.flight.motion import rising
 from kybflow.parts import Effect, Fault, param, params
 
 

@@ -24,7 +24,7 @@ from kybflow.core.signals import NS, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.machine import Exit, FlowMachine
 from kybflow.dsl.plan import END, FlowPlan, PhasePlan, Plan
-from kybflow.flight.profiles import Pace
+from kybflow.flight.motion import Pace
 from kybflow.parts.events import (
     DriverChanged,
     FlowEnded,

@@ -23,7 +23,7 @@ from kybflow.core.events import Custom
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, InputReading, InputReadings, Time
 from kybflow.dsl.plan import InputPlan
-from kybflow.flight.formation.shapes import centroid
+from kybflow.flight.formation.places import centroid
 from kybflow.parts import InputLink
 from kybflow.parts.events import InputLost, InputRecovered
 from kybflow.parts.input import FeltLink

@@ -6,7 +6,7 @@ motion make impossible for a tracked body. On the ground this counts only if the
 there before, as real ones do: if the take-off were not measured, the vehicle would keep climbing.
 Poses that have never wavered come from a simulator without noise.
 jumped: three consecutive poses are at positions that the vehicle cannot have reached by flight
-since the last pose (`kybflow.flight.pose_track`).
+since the last pose (`kybflow.flight.pose_gate`).
 swapped: the body jumped to within `near` + `pace` t of the position at which another body was t
 seconds before, or of the position that the other body has just left; or the body returns after more
 than `MEMORY` seconds at the position of another vehicle's estimate. Its poses are then withheld
@@ -20,7 +20,7 @@ are passed on: the estimators decide whether the vehicle can be there (`kybflow.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import dist, inf
 from typing import NamedTuple
 
@@ -28,10 +28,60 @@ from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import ZERO, Quat, Vec3, distance
 from kybflow.core.signals import NEVER, NS, Estimate, Measurement, Pose, Time
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.flight.pose_track import PoseTrack, unexplained
+from kybflow.flight.pose_gate import CONFIRMED, PoseTrack, unexplained
 from kybflow.parts.events import BodyFroze, BodyJumped, BodyLost, BodyRecovered, BodySwapped
 from kybflow.runtime.events import Events
-from kybflow.runtime.monitoring.findings import Trouble, nearest
+
+
+class Trouble:
+    """The fault of one motion-capture body or camera.
+
+    A single odd observation is a measurement error. `CONFIRMED` consecutive observations that agree
+    with one another are a jump (`kybflow.flight.pose_gate.PoseTrack`); as many consecutive good
+    observations end a fault. A jump to the position of another vehicle is a swap (`nearest`).
+
+    finding: the present fault, or None. good: the number of consecutive good observations so far.
+    """
+
+    __slots__ = ("finding", "good")
+
+    def __init__(self) -> None:
+        self.finding: VehicleEvent | None = None
+        self.good = 0
+
+    def found(self, finding: VehicleEvent) -> VehicleEvent:
+        """Set the present fault; return it."""
+        self.finding = finding
+        return finding
+
+    def count_anew(self) -> None:
+        """Reset the count of good observations after a bad one."""
+        self.good = 0
+
+    def is_known(self, event: type[VehicleEvent]) -> bool:
+        """Return whether the present fault is of this kind."""
+        return isinstance(self.finding, event)
+
+    def is_over(self) -> bool:
+        """Count a good observation; return whether it ends the fault."""
+        self.good += 1
+        if self.finding is None or self.good < CONFIRMED:
+            return False
+        self.finding = None
+        return True
+
+
+def nearest(position: Vec3, others: Iterable[tuple[str, Vec3, float]]) -> str:
+    """Return the name of the vehicle that was at `position` (m), empty if none was. others: for
+    each vehicle its name, its position and the radius within which it counts as being there. Of
+    several, the one whose distance is the smallest fraction of its radius is returned."""
+    best, whose = 1.0, ""
+    for vehicle, place, room in others:
+        share = distance(position, place) / room
+        if share < best:
+            best, whose = share, vehicle
+    return whose
+
 
 WAVERS = 30
 """Number of consecutive poses on the ground, each slightly off the previous one, that prove the
@@ -83,7 +133,10 @@ class Bodies:
             if pose.time <= body.stamp or not _is_sound(pose):
                 continue
             if body.repeats(pose, in_air):
-                self._froze(body, findings)
+                since, bound = (body.stamp - body.changed) / NS, self._bounds.frozen
+                if since > bound and not body.trouble.is_known(BodyFroze):
+                    findings.append(body.trouble.found(BodyFroze(value=since, bound=bound)))
+                body.trouble.count_anew()
             else:
                 self._follow(name, body, pose, findings)
                 if not body.of:
@@ -99,19 +152,13 @@ class Bodies:
         """Return when a body counts as lost if no pose arrives. It must have been judged before."""
         return self._bodies[name].due
 
-    def _froze(self, body: _Body, findings: list[VehicleEvent]) -> None:
-        since, bound = (body.stamp - body.changed) / NS, self._bounds.frozen
-        if since > bound and not body.trouble.is_known(BodyFroze):
-            findings.append(body.trouble.found(BodyFroze(value=since, bound=bound)))
-        body.trouble.count_anew()
-
     def _follow(self, name: str, body: _Body, pose: Pose, findings: list[VehicleEvent]) -> None:
         """Process a new pose: detect a recovery, a jump or a swap."""
         if body.trouble.finding is not None and body.trouble.is_over():
             findings.append(BodyRecovered())
         last = body.track.last
         if last is not None and pose.time - last.time > _MEMORY:
-            body.of = self._believer(name, pose)
+            body.receive(self._believer(name, pose))
             if body.of:
                 value, bound = distance(pose.position, last.position), self._bounds.near
                 findings.append(BodySwapped(other=body.of, value=value, bound=bound))
@@ -125,7 +172,8 @@ class Bodies:
             if other
             else BodyJumped(value=value, bound=bound)
         )
-        body.left, body.of = last, self._believer(name, first) if body.of else other
+        body.leave(last)
+        body.receive(self._believer(name, first) if body.of else other)
 
     def _believer(self, name: str, pose: Pose) -> str:
         """Return the name of the other vehicle whose estimate is at `pose`; empty if there is none,
@@ -174,6 +222,14 @@ class _Body:
         self._before: Time | None = None
         self._last: Pose | None = None
         self._wavered = 0
+
+    def receive(self, of: str) -> None:
+        """Record whose poses arrive from now on; empty if they are the body's own."""
+        self.of = of
+
+    def leave(self, last: Pose) -> None:
+        """Record the last pose before a jump."""
+        self.left = last
 
     def expect(self, unknown: Time, lost: Time) -> Time:
         """Set `due` to three intervals, but at least `lost`, after the last pose; or to `unknown`

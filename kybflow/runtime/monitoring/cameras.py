@@ -36,6 +36,7 @@ estimate. If an estimator followed the camera, they don't agree, and another jum
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -44,9 +45,9 @@ import numpy
 
 from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import Vec3, distance
-from kybflow.core.signals import NEVER, NS, Frame, Measurement, Time
+from kybflow.core.signals import NEVER, NS, Estimate, Frame, Measurement, Time
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.flight.pose_track import Consistent, reach
+from kybflow.flight.pose_gate import Consistent, reach
 from kybflow.parts import Estimator
 from kybflow.parts.events import (
     CameraFroze,
@@ -58,13 +59,54 @@ from kybflow.parts.events import (
     TagsLost,
 )
 from kybflow.runtime.events import Events
-from kybflow.runtime.monitoring.estimate_history import EstimateHistory
-from kybflow.runtime.monitoring.findings import Trouble, nearest
+from kybflow.runtime.monitoring.bodies import Trouble, nearest
 from kybflow.world.cameras import Camera
 
 if TYPE_CHECKING:
-    from kybflow.vision.locating.locate import Located
     from kybflow.vision.locating.locator import Sighting
+
+_KEPT = 512
+CURRENT = NS // 20
+"""An estimate counts as the estimate at a given time if it is at most this much older."""
+
+
+class EstimateHistory:
+    """The recent estimates of a fleet. A camera's frame arrives late, so it is compared with the
+    estimate from the time when it was taken.
+
+    is_asked: whether a monitor uses the
+    history; otherwise nothing is kept, to spare the CPU's caches.
+    """
+
+    def __init__(self) -> None:
+        self.is_asked = False
+        self._kept: dict[str, deque[Estimate]] = {}
+
+    def ask(self) -> None:
+        """Keep estimates from now on, because a monitor uses them."""
+        self.is_asked = True
+
+    def note(self, vehicle: str, estimate: Estimate) -> None:
+        """Keep the newest estimate of a vehicle."""
+        kept = self._kept.get(vehicle)
+        if kept is None:
+            kept = self._kept[vehicle] = deque(maxlen=_KEPT)
+        kept.append(estimate)
+
+    def at(self, vehicle: str, time: Time) -> Estimate | None:
+        """Return the vehicle's estimate at `time` or shortly before, or None."""
+        for estimate in reversed(self._kept.get(vehicle, ())):
+            if estimate.time <= time:
+                return estimate if time - estimate.time <= CURRENT else None
+        return None
+
+    def others(self, vehicle: str, time: Time) -> Iterator[tuple[str, Estimate]]:
+        """Yield (name, estimate) of each other vehicle that had an estimate at `time`."""
+        for other in self._kept:
+            estimate = None if other == vehicle else self.at(other, time)
+            if estimate is not None:
+                yield other, estimate
+
 
 SILENT, SAME = 0.15, 0.1
 """Least times (s) after which a camera is lost, and after which it froze. From 15 Hz on, both are
@@ -99,8 +141,7 @@ class CameraStreams:
             if stream is None:
                 stream = _CameraStream(frame.camera, self._cameras[frame.camera].rate)
                 self._streams[frame.camera] = stream
-            stream.last = now
-            findings += stream.judge(frame, in_air)
+            findings += stream.judge(frame, now, in_air)
         for stream in self._streams.values():
             findings += stream.miss(now)
         waiting = (s for s in self._streams.values() if not s.trouble.is_known(CameraLostEvent))
@@ -122,8 +163,9 @@ class _CameraStream:
         self._changed: Time = 0
         self._sample: Any = None
 
-    def judge(self, frame: Frame, in_air: bool) -> Iterator[VehicleEvent]:
-        trouble = self.trouble
+    def judge(self, frame: Frame, now: Time, in_air: bool) -> Iterator[VehicleEvent]:
+        """Judge a frame that arrived at `now`; yield the findings."""
+        self.last, trouble = now, self.trouble
         if self._repeats(frame) and (in_air or trouble.is_known(CameraFroze)):
             since = (frame.time - self._changed) / NS
             bound = self.freeze_timeout
@@ -198,21 +240,22 @@ class Sightings:
         if not in_air:  # a person may carry the vehicle around
             self._tracks.clear()
             return findings
-        place = self._placed(time, located)
-        if place is not None:
-            camera = _names(located)
+        believed = self._fleet.at(self._vehicle, time)
+        if believed is not None:
+            off = distance(located.position, believed.position)
+            deviation = sqrt(max(0.0, *located.covariance.diagonal()[:3].tolist()))
+            bound = NEAR + 4.0 * (believed.spread + deviation)
+            place = _Place(time, located.position, off, bound)
+            names = (view.camera.name for view in located.views if len(view.tags))
+            camera = _AND.join(dict.fromkeys(names))
             track = self._tracks.setdefault(camera, _Track(self._timeout))
             findings += track.follow(place, camera, self._whose)
             if place.value <= place.bound:
-                findings += self._agreed(camera)
+                # a good pose that several cameras gave together is good for each of them
+                for name, other in self._tracks.items():
+                    if name != camera and name in camera.split(_AND) and other.trouble.is_over():
+                        findings.append(CameraRecovered(camera=name))
         return findings
-
-    def _agreed(self, cameras: str) -> Iterator[VehicleEvent]:
-        """Count a good pose that several cameras gave together as a good observation of each of
-        these cameras."""
-        for name, track in self._tracks.items():
-            if name != cameras and name in cameras.split(_AND) and track.trouble.is_over():
-                yield CameraRecovered(camera=name)
 
     def _blind(self, time: Time, in_air: bool) -> list[VehicleEvent]:
         if self._posed is None or not in_air:
@@ -223,14 +266,6 @@ class Sightings:
             return []
         self.lost = True
         return [TagsLost(value=since, bound=self._timeout)]
-
-    def _placed(self, time: Time, located: Located) -> _Place | None:
-        believed = self._fleet.at(self._vehicle, time)
-        if believed is None:
-            return None
-        off = distance(located.position, believed.position)
-        deviation = sqrt(max(0.0, *located.covariance.diagonal()[:3].tolist()))
-        return _Place(time, located.position, off, NEAR + 4.0 * (believed.spread + deviation))
 
     def _whose(self, place: _Place) -> str:
         """Return the name of the other vehicle whose estimate was at `place`, empty if none was."""
@@ -260,7 +295,7 @@ class _Track:
         )
         is_off = place.value > place.bound
         if went:
-            elsewhere.seen = []
+            elsewhere.forget()
             trouble.count_anew()
         if trouble.finding is not None and not is_off and (went or trouble.good):
             if trouble.is_over():
@@ -276,12 +311,6 @@ class _Track:
                 if other
                 else CameraJumped(camera=camera, value=value, bound=bound)
             )
-
-
-def _names(located: Located) -> str:
-    """Return the names of the cameras whose frames gave this pose, joined by commas."""
-    names = (view.camera.name for view in located.views if len(view.tags))
-    return _AND.join(dict.fromkeys(names))
 
 
 class SeeingEstimator(Protocol):
@@ -301,7 +330,8 @@ class CameraMonitor:
         asking = [p.at for p in parts if Frame in p.cls.uses(p.params)]
         self._at = asking[0] if asking else ""
         self.is_asked = bool(asking)
-        fleet.is_asked = fleet.is_asked or self.is_asked
+        if asking:
+            fleet.ask()
         self._streams = CameraStreams(plan.cameras)
         self._sightings = Sightings(plan.name, plan.cameras, fleet)
         self._seen: dict[str, object] = {}

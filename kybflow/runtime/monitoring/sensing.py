@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from kybflow.core.errors import DriverError, described
 from kybflow.core.signals import NS, Frame, Measurement, MeasurementKind, Time, kind_name
@@ -171,14 +171,14 @@ class Admission:
         ahead = measurement.time - now
         if ahead > AHEAD:
             return "time", f"stamped {ahead / NS:.3g} s in the future"
-        if isinstance(measurement, Frame) and measurement.camera not in self._cameras:
+        if not isinstance(measurement, Frame):
+            return None
+        camera, shape = measurement.camera, getattr(measurement.image, "shape", ())
+        if camera not in self._cameras:
             known = ", ".join(f"`{name}`" for name in self._cameras) or "none"
-            return (
-                measurement.camera,
-                f"of the camera `{measurement.camera}`; the vehicle has {known}",
-            )
-        if isinstance(measurement, Frame) and not _is_grey(measurement.image):
-            return "image", f"with an image of `{measurement.camera}` that is no grey one"
+            return camera, f"of the camera `{camera}`; the vehicle has {known}"
+        if len(shape) != 2 or 0 in shape:
+            return "image", f"with an image of `{camera}` that is no grey one"
         return None
 
     def _refuse(self, kind: MeasurementKind, wrong: tuple[str, str], source: str, at: str) -> None:
@@ -188,9 +188,3 @@ class Admission:
             self._reported.add((source, kind, sort))
             refused = MeasurementRefused(source=source, kind=kind_name(kind), reason=reason)
             self._events.emit(refused, self._vehicle, at)
-
-
-def _is_grey(image: Any) -> bool:
-    """Return whether an image has at least one row and one column, and a single channel."""
-    shape = getattr(image, "shape", ())
-    return len(shape) == 2 and 0 not in shape

@@ -22,8 +22,7 @@ from collections.abc import Iterator
 from kybflow.core.events import Emitting
 from kybflow.core.signals import Setpoint, Tick
 from kybflow.core.units import Acceleration, Length, Speed
-from kybflow.flight.avoidance.detour import Detour
-from kybflow.flight.avoidance.following import ACCEPTS, Avoidance, AvoidanceBlocked, Keeping
+from kybflow.flight.avoidance.following import ACCEPTS, Avoidance, AvoidanceBlocked, Detour, Keeping
 from kybflow.flight.avoidance.surroundings import Nearby
 from kybflow.parts import Objection, Processor, param, params
 from kybflow.world.vehicle_context import Airframe, VehicleContext

@@ -56,10 +56,7 @@ class LimitSpeed(Processor[LimitSpeedParams]):
         if legal and near and not follower.behind:
             follower.position, follower.velocity = position, velocity
             return setpoint
-        return self._behind(setpoint, legal, tick.dt)
-
-    def _behind(self, setpoint: Setpoint, legal: bool, dt: float) -> Setpoint:
-        p, follower, asked = self.params, self._follower, motion_of(setpoint)
+        p, asked, dt = self.params, motion_of(setpoint), tick.dt
         motion = follower.follow(asked, p.speed, p.catch_up, dt)
         if legal and follower.has_caught_up(asked, p.catch_up, dt):
             follower.join(asked.position, asked.velocity)

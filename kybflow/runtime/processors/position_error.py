@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import ClassVar
 
-from kybflow.core.geometry import ZERO, Vec3, add, distance, norm, scale, sub
+from kybflow.core.geometry import ZERO, add, distance, norm, scale, sub
 from kybflow.core.signals import Alarm, Reaction, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Length
 from kybflow.parts import Objection, Processor, param, params
@@ -63,20 +63,16 @@ class PositionError(Processor[PositionErrorParams]):
         if position is not None:
             self._behind = ZERO
             error = distance(position, tick.known().position)
+        elif (velocity := setpoint.velocity) is not None:
+            # by how many metres the vehicle has recently fallen behind
+            missing = sub(velocity, tick.known().velocity)
+            change = sub(missing, scale(self._behind, 1.0 / _LATELY))
+            self._behind = add(self._behind, scale(change, tick.dt))
+            error = norm(self._behind)
         else:
-            error = self._lag(setpoint.velocity, tick)
+            self._behind, error = ZERO, 0.0
         limit = self.params.limit
         if error <= limit:
             return setpoint
         reason = f"{error:.2f} m from its setpoint, {limit:g} m allowed"
         return Alarm("position_error_exceeded", Reaction.BRAKE, reason, error, limit)
-
-    def _lag(self, wanted: Vec3 | None, tick: Tick) -> float:
-        """Return by how many metres the vehicle has recently fallen behind a velocity setpoint."""
-        if wanted is None:
-            self._behind = ZERO
-            return 0.0
-        missing = sub(wanted, tick.known().velocity)
-        change = sub(missing, scale(self._behind, 1.0 / _LATELY))
-        self._behind = add(self._behind, scale(change, tick.dt))
-        return norm(self._behind)

@@ -3,7 +3,7 @@
 It works like PMObsAvoid and VMObsAvoid, with their defaults: the repulsion, at most `speed`, is
 added to a velocity setpoint; a position setpoint is replaced by a reference that is pushed away
 with at most `velocity` and `acceleration` and returns when nothing repels it any more. The formula
-and the differences are described in `kybflow.flight.avoidance.potential`. It ignores the fence. If
+and the differences are described in `Potential`. It ignores the fence. If
 nothing is in reach, setpoints pass bit for bit.
 
 It guarantees no distance: it ignores speeds and braking, and repulsions from two sides cancel. It
@@ -13,18 +13,71 @@ air. World frame, metres.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import ClassVar
+from collections.abc import Iterable, Iterator
+from math import pi, sqrt, tan
+from typing import ClassVar, NamedTuple
 
-from kybflow.core.geometry import ZERO, Vec3, add, sub
+from kybflow.core.geometry import ZERO, Vec3, add, scale, sub
 from kybflow.core.signals import Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Length, Number, Speed
-from kybflow.flight.avoidance.potential import Potential, push
-from kybflow.flight.avoidance.surroundings import Nearby
+from kybflow.flight.avoidance.surroundings import Hazard, Nearby
 from kybflow.flight.governor import Follower, shortened
 from kybflow.flight.motion import motion_of
 from kybflow.parts import Objection, Processor, param, params
 from kybflow.world.vehicle_context import VehicleContext
+
+
+class Potential(NamedTuple):
+    """The repulsion of TeleKyb's obstacle potential.
+
+    An obstacle at the distance d from an ellipsoid around the vehicle, along the line to it,
+    repels the vehicle with the speed
+
+        s(d) = g (pi/2) / (d0 - dm) (cot z + z - pi/2),    z = (pi/2) (d - dm) / (d0 - dm),
+
+    which is zero from d0 on and saturates below dm, and inside the ellipsoid. Contributions are
+    added and the sum is limited, so that their order doesn't matter; TeleKyb's running average
+    forgot what came before an obstacle out of reach. World frame, metres.
+
+    level, above: semi-axes of the ellipsoid. nearest,
+    farthest: the distances dm and d0. gain: the factor g. saturation: the largest speed of
+    repulsion, m/s.
+    """
+
+    level: float
+    above: float
+    nearest: float
+    farthest: float
+    gain: float
+    saturation: float
+
+    @property
+    def reach(self) -> float:
+        """The distance beyond which nothing repels in any direction."""
+        return self.farthest + max(self.level, self.above)
+
+
+def repulsion(distance: float, potential: Potential) -> float:
+    """Return the speed (m/s) away from something at this distance from the ellipsoid."""
+    if distance >= potential.farthest:
+        return 0.0
+    if distance <= potential.nearest:
+        return potential.saturation
+    steepness = 0.5 * pi / (potential.farthest - potential.nearest)
+    z = steepness * (distance - potential.nearest)
+    return min(potential.gain * steepness * (1.0 / tan(z) + z - 0.5 * pi), potential.saturation)
+
+
+def push(hazards: Iterable[Hazard], potential: Potential) -> Vec3:
+    """Return the velocity away from everything near; the object ZERO if nothing repels."""
+    whole = ZERO
+    for hazard in hazards:
+        x, y, z = hazard.outward
+        radius = 1.0 / sqrt((x * x + y * y) / potential.level**2 + z * z / potential.above**2)
+        speed = repulsion(hazard.room - radius, potential)
+        if speed > 0.0:
+            whole = add(whole, scale(hazard.outward, speed))
+    return whole if whole is ZERO else shortened(whole, potential.saturation)
 
 
 @params
@@ -73,20 +126,16 @@ class PotentialField(Processor[PotentialFieldParams]):
         if p.treat_as_obstacles is not self._nearby.others:
             self._nearby.count(p.treat_as_obstacles)
         follower.resume(setpoint, tick)
-        repelled = self._repulsion(tick)
+        farthest = max(p.farthest, p.nearest + 1e-3)
+        potential = Potential(p.level, p.above, p.nearest, farthest, p.gain, p.saturation)
+        near = self._nearby.near(tick.known().position, 0.0, tick, lambda _: potential.reach)
+        repelled = push(near, potential)
         if setpoint.kind is SetpointKind.POSITION:
             return self._shifted(setpoint, repelled, tick.dt)
         if repelled == ZERO:
             return setpoint
         velocity = add(setpoint.velocity or ZERO, shortened(repelled, p.speed))
         return setpoint._replace(velocity=velocity, acceleration=ZERO, jerk=None)
-
-    def _repulsion(self, tick: Tick) -> Vec3:
-        p = self.params
-        farthest = max(p.farthest, p.nearest + 1e-3)
-        potential = Potential(p.level, p.above, p.nearest, farthest, p.gain, p.saturation)
-        near = self._nearby.near(tick.known().position, 0.0, tick, lambda _: potential.reach)
-        return push(near, potential)
 
     def _shifted(self, setpoint: Setpoint, repelled: Vec3, dt: float) -> Setpoint:
         p, follower, asked = self.params, self._follower, motion_of(setpoint)

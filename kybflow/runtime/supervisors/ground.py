@@ -66,7 +66,11 @@ class Ground(Supervisor[GroundParams]):
             self._since = None
             return None
         self._since = tick.now if self._since is None else self._since
-        return self._alarm() if tick.now - self._since >= _LASTS else None
+        if tick.now - self._since < _LASTS:
+            return None
+        reaction = Reaction[self.params.reaction.upper()]
+        reason = "it lies on the ground, but should fly"
+        return Alarm("ground_touched", reaction, reason, is_failure=True)
 
     def _leaves(self, setpoint: Setpoint | None, height: float) -> bool:
         """Return whether a vehicle that has flown should be elsewhere: its setpoint is too far
@@ -77,8 +81,3 @@ class Ground(Supervisor[GroundParams]):
         if setpoint.position is None:
             return climb > _CLIMBS
         return climb > _SINKS and abs(setpoint.position[2] - height) > self.params.gap
-
-    def _alarm(self) -> Alarm:
-        reaction = Reaction[self.params.reaction.upper()]
-        reason = "it lies on the ground, but should fly"
-        return Alarm("ground_touched", reaction, reason, is_failure=True)

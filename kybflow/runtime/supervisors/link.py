@@ -1,15 +1,15 @@
 """Report a link that has fallen silent, or slow.
 
-Alarm `link_lost` in the air while no measurement has arrived for longer than `age`; other messages,
-such as heartbeats, don't count. Commands don't reach a silent vehicle either; its own watchdog acts
-then. The value is the silence in seconds.
+It raises the alarm `link_lost` if, in the air, no measurement has arrived from the vehicle for
+longer than `age`; other messages, such as heartbeats, don't count. Commands don't reach such a
+vehicle either; its own watchdog acts then. The value is the silence in seconds.
 
-Alarm `link_slow` in the air while the two newest round trips to the vehicle both took longer than
-`delay`. A loop that is closed over the link becomes unstable when its delay reaches its phase
-margin divided by its crossover frequency: with the default gains 1.24 rad / 3.5 rad/s = 0.35 s for
-accelerations (`on_board`) and 1.41 rad / 7.5 rad/s = 0.19 s for attitudes (`cascade`), including
-the vehicle's own lag. The value is the shorter round trip in seconds. With drivers that measure no
-round trips it is never raised; `mavlink` and `ardrone` measure five a second.
+It raises the alarm `link_slow` if, in the air, the two newest round trips to the vehicle both took
+longer than `delay`. A loop that is closed over the link becomes unstable when its delay reaches its
+phase margin divided by its crossover frequency: with the default gains 1.24 rad / 3.5 rad/s = 0.35
+s for accelerations (`on_board`) and 1.41 rad / 7.5 rad/s = 0.19 s for attitudes (`cascade`),
+including the vehicle's own lag. The value is the shorter round trip in seconds. With drivers that
+measure no round trips it is never raised; `mavlink` and `ardrone` measure five a second.
 
 The default reaction is `land`, or `land_blind` if there is no estimate by then. An autopilot lands
 by its own land mode, whose loops don't include the link.

@@ -119,7 +119,7 @@ def _bound(touching: float, params: ProximityParams) -> float:
 
 def _stopping(own: Estimate, other: Estimate, apart: float) -> float:
     """Return the distance (m) in which two vehicles that approach each other come to rest if they
-    brake as in `safety.hold`; zero if they don't. apart: their distance (m)."""
+    brake as in `kybflow.runtime.vehicle.hold`; zero if they don't. apart: their distance (m)."""
     px, py, pz = own.position
     qx, qy, qz = other.position
     ux, uy, uz = own.velocity

@@ -1,10 +1,10 @@
 """Report a vehicle that turns about its vertical faster than it is asked to.
 
-Alarm `spinning` in the air while the turn rate about body z minus the setpoint's heading rate,
-averaged over the last quarter of a second, is more than `limit`; once raised it stays for as long
-as the vehicle flies. Rotors that can keep a vehicle up and level may not be able to hold its
-heading: with a weak rotor it spins faster and faster, until its attitude can't be held either.
-Nothing is reported without an estimate. Radians per second.
+It raises the alarm `spinning` if, in the air, the turn rate about body z minus the setpoint's
+heading rate, averaged over the last quarter of a second, exceeds `limit`. The alarm then lasts for
+as long as the vehicle flies. Rotors that can keep a vehicle up and level may not be able to hold
+its heading: with a weak rotor it spins faster and faster, until its attitude can't be held either.
+Without an estimate nothing is reported. Rates are in radians per second.
 
 The default reaction is `land`: the cause of the spin does not go away in the air.
 """

@@ -22,7 +22,7 @@ from kybflow.core.signals import Command, CommandKind, MeasurementKind, Setpoint
 from kybflow.core.units import AngularRate, Damping
 from kybflow.flight.geometric_law import GeometricLaw, GeometricParams, outer_loop, used_by
 from kybflow.flight.governor import shortened
-from kybflow.flight.loops.response import OuterLoop
+from kybflow.flight.loops.position_loop import OuterLoop
 from kybflow.parts import Tracker, param, params
 from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext
 

@@ -17,9 +17,9 @@ where a is the acceleration due to the last thrust along the estimated body z, m
 both the jerk and the feedback turn the vehicle; in `cascade` only the jerk does. About body z it
 turns with the heading rate. A VELOCITY setpoint has no P and I terms.
 
-P, D and I follow from the on-board loop and its delays (`kybflow.flight.loops.design`) if they are
-not given: 16, 9 and 8 on a fast one, and lower ones that don't oscillate on a slow one. They are
-also lower for late or uncertain estimates, such as from a camera at 15 Hz or GPS.
+P, D and I follow from the on-board loop and its delays (`kybflow.flight.loops.position_loop`) if
+they are not given: 16, 9 and 8 on a fast one, and lower ones that don't oscillate on a slow one.
+They are also lower for late or uncertain estimates, such as from a camera at 15 Hz or GPS.
 
 Errors on the figure eight in still air, without an observer (width 1.46 m, two laps after 3 s of
 hovering; mean and largest over ten seeds, position in cm, velocity in cm/s):
@@ -38,9 +38,9 @@ A lap of 4 s needs the airframes' whole tilt. With the gains of this one `cascad
 (0.13, 0.27 cm at 10 s), but shakes: 0.39, 1.28 cm/s.
 
 With `observer` the disturbance is estimated from the accelerometer and subtracted from f
-(`kybflow.flight.disturbance`). The eight with a lap of 10 s in the simulator's lab, a mass believed
-of 80 and of 120 %, mean and largest position error in mm, without it over seeds 0 to 9 and with it
-over seeds 0 to 19; the largest of any flight in brackets:
+(`kybflow.flight.force_estimates`). The eight with a lap of 10 s in the simulator's lab, a mass
+believed of 80 and of 120 %, mean and largest position error in mm, without it over seeds 0 to 9 and
+with it over seeds 0 to 19; the largest of any flight in brackets:
 
     airframe   without                     2 Hz
     mk_quadro  10.3 (12.5), 24.2 (31.7)    4.8 (6.2), 15.7 (21.9)
@@ -53,7 +53,7 @@ from __future__ import annotations
 
 from kybflow.core.signals import Command, CommandKind, MeasurementKind, Setpoint, SetpointKind, Tick
 from kybflow.flight.geometric_law import GeometricLaw, GeometricParams, outer_loop, used_by
-from kybflow.flight.loops.response import OuterLoop
+from kybflow.flight.loops.position_loop import OuterLoop
 from kybflow.parts import Tracker
 from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext
 

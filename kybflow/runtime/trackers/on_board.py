@@ -146,18 +146,16 @@ class OnBoard(Tracker[OnBoardParams]):
         by = self.params.by
         kind, _, _, _, jerk, heading, rate = setpoint
         if by == "velocity" and kind is SetpointKind.POSITION:
-            velocity = self._velocity(setpoint, estimate)
+            p = self.params
+            gap = sub(setpoint.position or estimate.position, estimate.position)
+            correction = shortened(scale(gap, p.proportional), p.correction)
+            velocity = add(setpoint.velocity or ZERO, correction)
             return setpoint._replace(kind=SetpointKind.VELOCITY, position=None, velocity=velocity)
         if by == "acceleration" and kind is not SetpointKind.ACCELERATION:
             acceleration, is_free = self._acceleration(setpoint, estimate, dt)
             jerk, kind = jerk if is_free else None, SetpointKind.ACCELERATION
             return Setpoint(kind, None, None, acceleration, jerk, heading, rate)
         return setpoint
-
-    def _velocity(self, setpoint: Setpoint, estimate: Estimate) -> Vec3:
-        p, asked = self.params, setpoint.velocity or ZERO
-        gap = sub(setpoint.position or estimate.position, estimate.position)
-        return add(asked, shortened(scale(gap, p.proportional), p.correction))
 
     def _acceleration(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> tuple[Vec3, bool]:
         """Return the acceleration (m/s^2, world), and whether the airframe's limits don't reduce
@@ -178,7 +176,9 @@ class OnBoard(Tracker[OnBoardParams]):
             az + quick * d * (wz - vz) + stiff * k * ez + iz,
         )
         bounded = self._bounded(total)
-        if not self._flies(pz):
+        if self._floor is None:
+            self._floor = pz
+        if pz <= self._floor + p.lift_off:
             return bounded, bounded == total
         if bounded == total and dt < LONGEST_STEP:
             i, most = p.integral * dt, p.integral_limit
@@ -197,11 +197,6 @@ class OnBoard(Tracker[OnBoardParams]):
         x, y, z = wanted
         more, up = self.params.tilt, (GRAVITY + z) / zz
         return (x + more * (x - up * zx), y + more * (y - up * zy), z)
-
-    def _flies(self, height: float) -> bool:
-        if self._floor is None:
-            self._floor = height
-        return height > self._floor + self.params.lift_off
 
     def _bounded(self, acceleration: Vec3) -> Vec3:
         """Return the acceleration, limited to the airframe's thrust and tilt."""

@@ -6,8 +6,8 @@ The commanded horizontal acceleration, with e = p_des - p, world frame, is
 
 and the tilt is that of the direction (a, g). The jerk leads by t, the delay of the loop on board
 and of the way there. P, D and I follow from that loop where they are not given, as those of
-`geometric` do (`kybflow.flight.loops.design`); the integral stands still on the ground, at its
-limit and where the tilt is limited. Vertically and about the vertical
+`geometric` do (`kybflow.flight.loops.position_loop`); the integral stands still on the ground, at
+its limit and where the tilt is limited. Vertically and about the vertical
 
     climb = v_des + T a_des + `height` e,    turn = heading rate + `heading` (heading_des - heading)
 
@@ -22,8 +22,7 @@ from math import hypot, tan
 from kybflow.core.geometry import GRAVITY, ZERO, from_thrust_direction, heading_of, wrap
 from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.core.units import DEG, Acceleration, Angle, AngularRate, Damping, Length
-from kybflow.flight.loops.design import FASTEST, DesignedGains, completed
-from kybflow.flight.loops.response import OuterLoop
+from kybflow.flight.loops.position_loop import FASTEST, DesignedGains, OuterLoop, completed
 from kybflow.parts import Tracker, param, params
 from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext
 
@@ -113,7 +112,10 @@ class TiltClimb(Tracker[TiltClimbParams]):
         if position is not None:
             ex, ey = position[0] - estimate.position[0], position[1] - estimate.position[1]
             ax, ay = ax + k * ex, ay + k * ey
-            if self._flies(estimate.position[2]) and not self._limited and dt < LONGEST_STEP:
+            if self._floor is None:
+                self._floor = estimate.position[2]
+            flies = estimate.position[2] > self._floor + p.lift_off
+            if flies and not self._limited and dt < LONGEST_STEP:
                 most = p.integral_limit
                 ix = max(-most, min(most, ix + i * dt * ex))
                 iy = max(-most, min(most, iy + i * dt * ey))
@@ -130,11 +132,6 @@ class TiltClimb(Tracker[TiltClimbParams]):
         if setpoint.position is not None:
             speed += self.params.height * (setpoint.position[2] - estimate.position[2])
         return max(-self._airframe.climb, min(self._airframe.climb, speed))
-
-    def _flies(self, height: float) -> bool:
-        if self._floor is None:
-            self._floor = height
-        return height > self._floor + self.params.lift_off
 
 
 def delay(inner: InnerLoop) -> float:

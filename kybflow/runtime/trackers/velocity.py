@@ -22,7 +22,7 @@ from kybflow.core.geometry import GRAVITY, ZERO, Vec3, body_z
 from kybflow.core.signals import Command, CommandKind, Estimate, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Damping, Number, Speed
 from kybflow.flight.governor import shortened
-from kybflow.flight.loops.response import OuterLoop
+from kybflow.flight.loops.position_loop import OuterLoop
 from kybflow.flight.steering import Steering, turning
 from kybflow.flight.steering_params import SteeringParams
 from kybflow.parts import Tracker, param, params

@@ -23,6 +23,7 @@ from kybflow.core.signals import (
 )
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.machine import Exit, Outcome, VehicleMachine
+from kybflow.dsl.names import BRAKE, FAULT, LANDED
 from kybflow.dsl.plan import StatePlan, Values, VehiclePlan
 from kybflow.flight.motion import Motion
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Flight, Leg
@@ -38,13 +39,15 @@ from kybflow.parts.events import (
     TookOff,
 )
 from kybflow.runtime.events import Events
-from kybflow.runtime.safety import take_off_tolerance
-from kybflow.runtime.safety.failsafe import Failsafe
-from kybflow.runtime.safety.hold import Hold, Holder, SetpointBlend
-from kybflow.runtime.safety.landing import LandMode, TouchDown
 from kybflow.runtime.scores import VehicleScore
-from kybflow.runtime.vehicle.link import LinkOut
-from kybflow.runtime.vehicle.tick_builder import TickBuilder
+from kybflow.runtime.vehicle.hold import Hold, Holder, SetpointBlend
+from kybflow.runtime.vehicle.knowledge import TickBuilder
+from kybflow.runtime.vehicle.link import LandMode, LinkOut
+from kybflow.runtime.vehicle.touch_down import (
+    TouchDown,
+    allowed_distance,
+    said_distance,
+)
 
 LONGEST_REFUSAL: Time = 10 * NS
 """How long a behavior's claims to have landed may be refused before the behavior fails."""
@@ -55,7 +58,9 @@ REPEATED: Time = NS // 10
 DESCENT_THRUST, DESCENT_DEPTH = 0.5, 0.05
 """A fraction of the hover thrust, and a setpoint's depth below the vehicle (m), with which any
 vehicle in the air descends."""
-_SAFE = frozenset({"brake", "landed"})
+Foreseen = tuple[str, str, str]
+"""An alarm that would end the mission at once: (supervisor, reason, mission line)."""
+_SAFE = frozenset({BRAKE, LANDED})
 """The states that a vehicle enters when the behavior of no other state starts."""
 
 
@@ -69,6 +74,8 @@ class BehaviorRunner:
     hold: the hold that freezes the state, its behavior and its timers, or None.
     land_mode: the landing by the vehicle's own land mode, which replaces the behavior, or None.
     grip: the behavior's request to the payload's servo in this tick, or None.
+    foresee: returns the alarms that a tick would raise if the vehicle flew.
+    latched: returns whether the failsafe has a latched reaction.
     resting_place: where the vehicle must be to take off (world, m): its start, later where it
     landed; None if unknown.
     """
@@ -82,7 +89,8 @@ class BehaviorRunner:
         plan: VehiclePlan,
         params: dict[str, Any],
         ticks: TickBuilder,
-        failsafe: Failsafe,
+        foresee: Callable[[Tick], list[Foreseen]],
+        latched: Callable[[], bool],
         link: LinkOut,
         events: Events,
         score: VehicleScore,
@@ -94,7 +102,8 @@ class BehaviorRunner:
         self.land_mode: LandMode | None = None
         self.grip: Grip | None = None
         self.resting_place: Vec3 | None = plan.start
-        self._params, self._ticks, self._failsafe = params, ticks, failsafe
+        self._params, self._ticks = params, ticks
+        self._foresee, self._latched = foresee, latched
         self._link, self._events, self._score, self._name = link, events, score, plan.name
         self._outcome: Outcome = "running"
         self._reason = ""
@@ -119,7 +128,7 @@ class BehaviorRunner:
             on_exit=self._exit,
             starts=self._starts,
             airborne=lambda: self.off_ground,
-            latched=self._failsafe.is_latched,
+            latched=self._latched,
             welcome=self._is_welcome,
         )
         self.begun = True
@@ -147,19 +156,19 @@ class BehaviorRunner:
         """Take the transition that is due in this tick, if one is."""
         self.machine.step(tick.elapsed, self._events.heard(self._name), self._outcome, tick.dt)
 
-    def go(self, goal: str, *, grounded: bool = False) -> None:
+    def enter_built_in(self, goal: str, *, grounded: bool = False) -> None:
         """Enter the built-in state `goal` at once, regardless of the mission's transitions.
         grounded: whether the rotors rest, so that the vehicle counts as on the ground. Raises
         Refused if neither `goal` nor `brake` or `landed` can start."""
         if grounded:
             self.flight = GROUND
-        self.machine.failsafe(goal)
+        self.machine.enter_built_in(goal)
 
     def reset(self) -> None:
         """Forget where the vehicle landed and leave `fault`, because a person has checked it."""
         self.resting_place = None
-        if self.machine.state == "fault":
-            self.go("landed")
+        if self.machine.state == FAULT:
+            self.enter_built_in(LANDED)
 
     def start_land_mode(self, now: Time) -> None:
         """Start a landing by the vehicle's own land mode, which replaces the active behavior."""
@@ -220,7 +229,7 @@ class BehaviorRunner:
         if self._resumes:
             self._resumes = False
             self._blend = SetpointBlend(tick.now, tick.setpoint, output)
-        return output if self._blend is None else self._blended(output, tick.now)
+        return output if self._blend is None else self._blended(self._blend, output, tick.now)
 
     def _emitted(self, emitting: Emitting) -> Setpoint | Done:
         """Emit one of the behavior's `own_events`. Raises PartError for any other."""
@@ -250,9 +259,8 @@ class BehaviorRunner:
             waits = BehaviorWaits(behavior=self.machine.state, reason=self._waits_for)
             self._events.emit(waits, self._name, self.state.at)
 
-    def _blended(self, asked: Setpoint, now: Time) -> Setpoint:
-        assert self._blend is not None
-        blended = self._blend.added(asked, now)
+    def _blended(self, blend: SetpointBlend, asked: Setpoint, now: Time) -> Setpoint:
+        blended = blend.added(asked, now)
         if blended is None:
             self._blend = None
         return blended or asked
@@ -406,7 +414,10 @@ class BehaviorRunner:
         if reason.transition is not None and reason.transition.emit is not None:
             self._events.emit(Custom(reason.transition.emit), at=reason.at)
         if reason.how in ("failed", "refused", "within"):
-            self._score_unforeseen(reason)
+            handled = (t for t in self.state.transitions if t.cause == "failed")
+            if all(transition.implied for transition in handled):  # the mission doesn't handle it
+                after = None if reason.transition is None else reason.transition.after
+                self._score.failure(self._reason or f"not done within {after:g} s")
         if reason.how != "refused":
             self._refused = frozenset()
         self._outcome, self._reason = "running", ""
@@ -459,9 +470,9 @@ class BehaviorRunner:
         if estimate is None or self.resting_place is None or not self._leaves_ground(state):
             return None
         away = distance(estimate.position, self.resting_place)
-        if away <= take_off_tolerance.allowed(estimate):
+        if away <= allowed_distance(estimate):
             return None
-        allowed = take_off_tolerance.said(estimate)
+        allowed = said_distance(estimate)
         return f"the estimate is {away:.2f} m from where it stood ({allowed})"
 
     def _doubted(self, state: StatePlan, entry: Entry) -> str | None:
@@ -471,22 +482,14 @@ class BehaviorRunner:
         found = self.foreseen(self._ticks.fleet)
         return f"`{found[0][0]}` would not let it fly: {found[0][1]}" if found else None
 
-    def foreseen(self, fleet: dict[str, Estimate | None]) -> list[tuple[str, str, str]]:
+    def foreseen(self, fleet: dict[str, Estimate | None]) -> list[Foreseen]:
         """Return (supervisor, reason, mission line) of each alarm that would end the mission at
         once if the vehicle flew now."""
-        return self._failsafe.foresee(self._ticks.standing(self.entered, fleet))
+        return self._foresee(self._ticks.standing(self.entered, fleet))
 
     def _leaves_ground(self, state: StatePlan) -> bool:
         """Return whether entering `state` now is a take-off."""
         return self.flight is GROUND and any(leg == (GROUND, AIR) for leg in state.legs)
-
-    def _score_unforeseen(self, reason: Exit) -> None:
-        """Count the failure if the mission does not handle it."""
-        failed = (t for t in self.state.transitions if t.cause == "failed")
-        if all(transition.implied for transition in failed):
-            taken = reason.transition
-            after = taken.after if taken is not None else None
-            self._score.failure(self._reason or f"not done within {after:g} s")
 
 
 def unfit(state: StatePlan, flight: Flight, estimated: bool) -> str | None:

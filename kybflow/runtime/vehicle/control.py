@@ -6,27 +6,92 @@ previous flight.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Set
+from collections.abc import Callable, Mapping, Set
 from contextlib import suppress
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import OptionRefused, PartError, PartFailed
 from kybflow.core.events import Emitting
-from kybflow.core.geometry import LEVEL, ZERO
-from kybflow.core.signals import Alarm, Command, Retune, Setpoint, SetpointKind, Tick
+from kybflow.core.geometry import ZERO, distance
+from kybflow.core.signals import NS, Alarm, Command, Retune, Setpoint, SetpointKind, Tick, Time
+from kybflow.core.units import format_measured
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import Processor, Tracker
+from kybflow.parts.events import ClampEnded, ClampStarted
 from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_command, checked_setpoint
 from kybflow.runtime.making import make
-from kybflow.runtime.safety.clamps import Clamps
+from kybflow.runtime.vehicle.link import RESTING
 from kybflow.world.vehicle_context import VehicleContext
 
-RESTING = Command(LEVEL, 0.0, ZERO, None, False)
-"""The command of a vehicle on the ground: rotors at rest."""
-HANDED_OVER = Command(LEVEL, 0.0, ZERO, None)
-"""The command recorded while the vehicle's land mode, its watchdog or a pilot flies it: armed,
-without thrust."""
+_LEAST, _LEAST_SPEED = 0.02, 0.05
+"""Least deviations that count as a clamp, m and m/s."""
+_QUIET = NS // 2
+
+
+class _Clamp(NamedTuple):
+    """An active clamp. since: when it began. last: when it last changed a setpoint. most: its
+    largest deviation, in `unit`."""
+
+    since: Time
+    last: Time
+    most: float
+    unit: str
+
+
+class Clamps:
+    """Detects clamps: processors that keep a vehicle's setpoint from its behavior's goal.
+
+    A processor that `clamps`, like the fence, cuts off the setpoint at its bound, so that the
+    vehicle never reaches a goal beyond it. (With `limit_speed`, `limit_acceleration` and
+    `smooth` the vehicle only arrives later, and with an avoidance by a different path; that
+    shows only in the errors.) A deviation counts as a clamp from 2 cm on, or from 5 cm/s for
+    velocity setpoints. `clamp_started` is emitted when a clamp begins, and `clamp_ended`, with
+    its largest deviation and its duration, once the clamp has changed nothing for half a
+    second.
+
+    names, lines: the names and mission lines of its processors, by
+    label. active: the active clamps, by the label of the processor.
+    """
+
+    def __init__(
+        self, vehicle: str, names: Mapping[str, str], lines: Mapping[str, str], events: Events
+    ) -> None:
+        self.active: dict[str, _Clamp] = {}
+        self._vehicle, self._names, self._lines, self._events = vehicle, names, lines, events
+
+    def note(self, label: str, asked: Setpoint, given: Setpoint, now: Time) -> str | None:
+        """Compare the setpoints before and after a clamping processor. Return a description of how
+        it keeps the vehicle from its goal, or None if it doesn't."""
+        if asked.position is not None and given.position is not None:
+            off, least, unit = distance(asked.position, given.position), _LEAST, "m"
+        else:
+            off = distance(asked.velocity or ZERO, given.velocity or ZERO)
+            least, unit = _LEAST_SPEED, "m/s"
+        if off < least:
+            return None
+        name = self._names[label]
+        words = f"`{name}` keeps the setpoint {format_measured(off, unit)} off what is wanted"
+        clamp = self.active.get(label)
+        if clamp is None:
+            clamp = _Clamp(now, now, off, unit)
+            at = self._lines[label]
+            self._events.emit(ClampStarted(processor=name, reason=words), self._vehicle, at)
+        self.active[label] = _Clamp(clamp.since, now, max(clamp.most, off), unit)
+        return words if unit == "m" else None
+
+    def settle(self, now: Time) -> None:
+        """End the clamps that have changed nothing for long enough."""
+        over = [label for label, clamp in self.active.items() if now - clamp.last > _QUIET]
+        for label in over:
+            clamp = self.active.pop(label)
+            ended = ClampEnded(
+                processor=self._names[label],
+                most=format_measured(clamp.most, clamp.unit),
+                seconds=(clamp.last - clamp.since) / NS,
+            )
+            self._events.emit(ended, self._vehicle, self._lines[label])
+
 
 Commanded = tuple[Command, Setpoint | None]
 """(the command of a tick, the behavior's setpoint before the processors)."""
@@ -121,22 +186,7 @@ class Control:
             command = _turning(RESTING, off_ground)
             self.followed = None
             return command, asked
-        tracked = self._tracked(checked_setpoint(asked), tick, reports)
-        if tracked is None:
-            return None
-        return (tracked if tracked.armed else _turning(tracked, off_ground)), asked
-
-    def again(self, waiting: Command, tick: Tick) -> Command:
-        """Return the command that waits for arming, recomputed by the tracker: the vehicle may
-        already be rising and drift with the wind."""
-        if self.followed is None or tick.estimate is None:
-            return waiting
-        self._raised = self._tracker_label
-        command = checked_command(self._tracker.update(self.followed, tick))
-        self._raised = ""
-        return command
-
-    def _tracked(self, setpoint: Setpoint, tick: Tick, reports: ProcessorReports) -> Command | None:
+        setpoint = checked_setpoint(asked)
         part = ""
         try:
             for part, process in self._active:
@@ -161,6 +211,16 @@ class Control:
             self._raised = part
             raise
         self.followed = setpoint
+        return (command if command.armed else _turning(command, off_ground)), asked
+
+    def again(self, waiting: Command, tick: Tick) -> Command:
+        """Return the command that waits for arming, recomputed by the tracker: the vehicle may
+        already be rising and drift with the wind."""
+        if self.followed is None or tick.estimate is None:
+            return waiting
+        self._raised = self._tracker_label
+        command = checked_command(self._tracker.update(self.followed, tick))
+        self._raised = ""
         return command
 
     def _granted(self, label: str, given: Emitting | Retune) -> Setpoint:

@@ -1,5 +1,5 @@
 """Decides what a vehicle does in a tick. The supervisors come first, then requests, then the
-mission's transitions; then the behavior of the resulting state gives the command.
+mission's transitions; then the behavior of the resulting state gives the command, which is sent.
 
 A vehicle can be landed, in order of priority, by its supervisors (`Failsafe.decide` chooses the
 reaction to an alarm, `Reactions.react` carries it out), by a part that failed
@@ -13,14 +13,13 @@ from kybflow.core.errors import Refused
 from kybflow.core.signals import Reaction, Tick, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import AIR, GROUND
-from kybflow.parts.events import LandModeRefused
+from kybflow.parts.events import ArmingRefused, LandModeRefused
 from kybflow.runtime.events import Events
-from kybflow.runtime.safety.failsafe import Failsafe
 from kybflow.runtime.vehicle.behavior_runner import BehaviorRunner
-from kybflow.runtime.vehicle.control import HANDED_OVER, RESTING, Commanded, Control
+from kybflow.runtime.vehicle.control import Commanded, Control
+from kybflow.runtime.vehicle.failsafe import Failsafe, Reactions
 from kybflow.runtime.vehicle.knowledge import Knowledge
-from kybflow.runtime.vehicle.output import CommandOutput
-from kybflow.runtime.vehicle.reactions import Reactions
+from kybflow.runtime.vehicle.link import HANDED_OVER, RESTING, LinkOut
 from kybflow.runtime.vehicle.requests import Requests
 
 _ESCALATIONS = 5
@@ -39,29 +38,60 @@ class Decision:
         reactions: Reactions,
         requests: Requests,
         control: Control,
-        output: CommandOutput,
+        link: LinkOut,
         knowledge: Knowledge,
         events: Events,
     ) -> None:
         self._plan, self._runner, self._failsafe = plan, runner, failsafe
         self._reactions, self._requests, self._control = reactions, requests, control
-        self._output, self._knowledge, self._events = output, knowledge, events
+        self._link, self._knowledge, self._events = link, knowledge, events
+        self._resting = knowledge.resting
         self._settled = 0
 
-    def command(self, tick: Tick) -> Commanded:
-        """Return the command of this tick, even if a part raises."""
+    def act(self, tick: Tick) -> Commanded:
+        """Decide, and send the command of this tick, even if a part raises. Return the command that
+        was sent, and the behavior's setpoint."""
         try:
             tick = self._decide(tick)
-            return self._steer(tick) or self._resteered(tick)
+            command, wanted = self._steer(tick) or self._resteered(tick)
         except Exception as error:  # a part may raise anything; it fails this vehicle alone
-            failure = error
+            command, wanted = self._without(error, tick)
+        runner = self._runner
+        if runner.behavior.lets_go:
+            command = HANDED_OVER
+        try:
+            command = self._link.deliver(command, tick.now)
+        except Refused as refusal:  # the vehicle stays on the ground, and the behavior is refused
+            command, reason = RESTING, str(refusal)
+            self._events.emit(ArmingRefused(reason=reason), self._plan.name, runner.state.at)
+            runner.refuse(reason)
+        if command.armed is not self._resting.rotors_turn and command is not HANDED_OVER:
+            self._resting.turn(command.armed)
+        if runner.grip is not None:
+            self._grip(tick.now)
+        return command, wanted
+
+    def _without(self, failure: Exception, tick: Tick) -> Commanded:
+        """Return the command of this tick without the part that raised `failure`."""
         for _ in range(_ESCALATIONS + len(self._plan.processors)):
             try:
                 self.fail(failure, tick)
                 return self._resteered(tick)
             except Exception as error:  # the next attempt does without the part that raised
                 failure = error
-        return RESTING, None
+        return (RESTING if self._runner.land_mode is None else HANDED_OVER), None
+
+    def _grip(self, now: Time) -> None:
+        """Open or close the payload's servo if the behavior requests it and it is necessary. If
+        the vehicle refuses, the behavior fails."""
+        runner = self._runner
+        asked = runner.take_grip()
+        try:
+            payload = self._knowledge.payload
+            if asked is not None and payload.wants(asked.is_open, now, runner.state.at):
+                self._link.grip(asked.is_open, now)
+        except Refused as refusal:
+            runner.fail(str(refusal))
 
     def answer(self, now: Time) -> None:
         """Answer the waiting requests."""
@@ -95,7 +125,7 @@ class Decision:
         tick for its behavior."""
         runner = self._runner
         self._settled = runner.entries
-        self._output.cancel_arming()
+        self._link.cancel_arming()
         if runner.leg.start is GROUND and runner.leg.end is AIR:
             self._control.renew()
         self._select()
@@ -112,9 +142,9 @@ class Decision:
         runner, control = self._runner, self._control
         if control.clamps.active:
             control.clamps.settle(tick.now)
-        if self._output.arming is not None:
+        if self._link.arming is not None:
             runner.wait(tick.dt)
-            return control.again(self._output.arming, tick), None
+            return control.again(self._link.arming, tick), None
         if runner.land_mode is not None:
             control.rest()
             try:
@@ -122,7 +152,7 @@ class Decision:
             except Refused as refusal:  # the current state lands it
                 refused = LandModeRefused(reason=str(refusal))
                 self._events.emit(refused, self._plan.name, self._plan.driver.at)
-                runner.go(runner.machine.state)
+                runner.enter_built_in(runner.machine.state)
                 return None
             return (RESTING if landed else HANDED_OVER), None
         if tick.estimate is None and runner.behavior.needs_estimate:

@@ -9,18 +9,32 @@ them is wrong, and the mission lists the most trusted one first.
 An estimator that raises, or whose estimate is not finite, is removed. In every tick the estimators
 that are not in use can align themselves with the estimate in use (`Estimator.anchor`). An event
 reports when an estimator begins to refuse measured positions, and when it accepts them again. A
-behavior may name the estimators that it prefers. `kybflow.runtime.vehicle.blending` smooths the
-change from one estimator to another.
+behavior may name the estimators that it prefers. `EstimateBlend`
+smooths the change from one estimator to another.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import exp
 from typing import Any
 
 from kybflow.core.errors import PartFailed
-from kybflow.core.geometry import distance
+from kybflow.core.geometry import (
+    ZERO,
+    Vec3,
+    add,
+    distance,
+    from_heading,
+    heading_of,
+    multiply,
+    norm,
+    scale,
+    sub,
+    wrap,
+)
 from kybflow.core.signals import NS, Estimate, Imu, Measurement, MeasurementKind, Time
+from kybflow.core.units import DEG
 from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
 from kybflow.flight.pose_gate import Refusal
 from kybflow.parts import Estimator
@@ -30,14 +44,83 @@ from kybflow.parts.events import (
     PositionAccepted,
     PositionRefused,
 )
-from kybflow.runtime.conditions import bind
+from kybflow.runtime.conditions import reader_of
 from kybflow.runtime.estimator_view import EstimatorView
 from kybflow.runtime.events import Events
 from kybflow.runtime.finite import checked_estimate
 from kybflow.runtime.making import make
 from kybflow.runtime.scores import VehicleScore
-from kybflow.runtime.vehicle.blending import FARTHEST, EstimateBlend
 from kybflow.world.vehicle_context import VehicleContext
+
+DECAY = 1.5
+FARTHEST, FASTEST, WIDEST = 0.3, 0.5, 20.0 * DEG
+OVER = 8.0
+"""Seconds after which a blend ends; 20 micrometres of the largest offset are left then."""
+
+
+class EstimateBlend:
+    """Keeps the estimate continuous when a vehicle changes its estimator.
+
+    The last output, extrapolated by a tick, differs from the new estimate by x0 in position and
+    v0 in velocity. Both differences are added to the new estimate and decay, critically damped.
+    Thus the output starts at the last position and velocity, and its velocity is always the
+    derivative of its position:
+
+        x(t) = (x0 + (v0 + n x0) t) exp(-n t),   n = 1.5 1/s
+
+    With v0 = 0 the offset moves by at most n / e = 0.55 of x0 per second; a tracker with
+    TeleKyb's gains (9.0, 7.5) follows that within 2 cm for the largest x0. The heading is
+    blended likewise, by a rotation about world z; the body rates stay unchanged.
+
+    If the last output is more than 0.3 m or 20 degrees off the new estimate, it was wrong:
+    nothing is added, and the estimate steps. The processor `position_error` detects the step
+    and brakes at the new position. 0.3 m is also the distance within which a new behavior
+    trusts the last setpoint (`Entry.position`). A velocity difference of more than 0.5 m/s is
+    treated as noise: the new velocity is used at once, and the position offset decays with v0 =
+    0.
+
+    time: when the estimator changed.
+    """
+
+    __slots__ = ("_position", "_pull", "_turn", "_velocity", "time")
+
+    def __init__(self, time: Time, position: Vec3, velocity: Vec3, turn: float) -> None:
+        self.time = time
+        self._position, self._velocity, self._turn = position, velocity, turn
+        self._pull = add(velocity, scale(position, DECAY))
+
+    @classmethod
+    def between(cls, last: Estimate, new: Estimate) -> tuple[float, EstimateBlend | None]:
+        """Return the distance (m) from `new` to the extrapolated `last` output, and the blend
+        between them, or None if the estimate must step."""
+        gone = (new.time - last.time) / NS
+        position = sub(add(last.position, scale(last.velocity, gone)), new.position)
+        velocity = sub(last.velocity, new.velocity)
+        turn = wrap(heading_of(last.attitude) - heading_of(new.attitude))
+        far = norm(position)
+        if far > FARTHEST or abs(turn) > WIDEST:
+            return far, None
+        if norm(velocity) > FASTEST:
+            velocity = ZERO
+        return far, cls(new.time, position, velocity, turn)
+
+    def applied(self, estimate: Estimate) -> Estimate:
+        """Return `estimate` plus the part of the offset that remains at the estimate's time."""
+        t = (estimate.time - self.time) / NS
+        fading = exp(-DECAY * t)
+        pull = self._pull
+        x = scale(add(self._position, scale(pull, t)), fading)
+        v = scale(sub(self._velocity, scale(pull, DECAY * t)), fading)
+        turn = self._turn * (1.0 + DECAY * t) * fading
+        return estimate._replace(
+            position=add(estimate.position, x),
+            velocity=add(estimate.velocity, v),
+            attitude=multiply(from_heading(turn), estimate.attitude),
+        )
+
+    def is_over(self, now: Time) -> bool:
+        return (now - self.time) / NS > OVER
+
 
 Known = Callable[[frozenset[MeasurementKind]], str]
 _INERTIAL = frozenset({Imu})
@@ -74,7 +157,7 @@ class Candidate:
         self._holds: Callable[[], bool] = lambda: True
         if plan.healthy is not None:
             views = {self.name: EstimatorView(self)}
-            self._holds = bind(plan.healthy, views, self.name, lambda: 0.0)
+            self._holds = reader_of(plan.healthy, views, self.name, lambda: 0.0)
 
     def update(
         self, measurements: Sequence[Measurement], now: Time, flown: Estimate | None
@@ -256,12 +339,6 @@ class Estimation:
         self._others = [c for c in self._others if c is not failed]
         self._report(PartFailed(failed.label, error))
 
-    def _gain(self, name: str) -> str:
-        """Return why the estimator `name` replaces another that can still be used."""
-        if not self._is_reordered:
-            return f"`{name}` is healthy again"
-        return f"`{name}` comes first {'in this behavior' if self._preferred else 'again'}"
-
     def _blended(self, estimate: Estimate | None, now: Time) -> Estimate | None:
         if self._blend is None or estimate is None:
             return estimate
@@ -270,31 +347,32 @@ class Estimation:
             return estimate
         return self._blend.applied(estimate)
 
-    def _why(self, previous: Candidate) -> str:
-        """Return why `previous` can't be used any more, with the cause if it is known; empty if it
-        can still be used."""
-        known = self._known(previous.uses) if previous.is_starved else ""
-        return f"{previous.trouble}; {known}" if known else previous.trouble
-
     def _change(self, chosen: Candidate | None, estimate: Estimate | None, now: Time) -> None:
         previous, self._in_use = self._in_use, chosen
         self._others = [c for c in self._anchored if c is not chosen]
         before, reason = None, "there was none" if self._was_used else "the first estimate"
         if previous is not None:
-            before, reason = previous.name, self._why(previous)
+            before, reason = previous.name, previous.trouble
+            known = self._known(previous.uses) if previous.is_starved else ""
+            if known:
+                reason += f"; {known}"
         self._was_used = True
         last, self._blend = self._flown, None
         if chosen is None or estimate is None:
             self._events.emit(EstimatorLost(previous=before, reason=reason), self._vehicle)
             self._score.estimator("", now / NS)
             return
+        gain = f"`{chosen.name}` is healthy again"
+        if self._is_reordered:
+            when = "in this behavior" if self._preferred else "again"
+            gain = f"`{chosen.name}` comes first {when}"
         offset = 0.0
         if last is not None:
             offset, self._blend = EstimateBlend.between(last, estimate)
         changed = EstimatorChanged(
             estimator=chosen.name,
             previous=before,
-            reason=reason or self._gain(chosen.name),
+            reason=reason or gain,
             offset=offset,
             blended=self._blend is not None,
         )
@@ -332,9 +410,8 @@ class ExternalPosition:
             self._is_echo = True
         elif source not in self._inertial:
             self._is_echo = False
-        return self._other() if self._is_echo else flown
-
-    def _other(self) -> Estimate | None:
+        if not self._is_echo:
+            return flown
         inside = self._own | self._inertial
         for candidate in self._estimation.candidates:
             if candidate.name not in inside and candidate.is_usable:

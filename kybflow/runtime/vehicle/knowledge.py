@@ -9,31 +9,142 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from kybflow.core.errors import PartFailed
+from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import (
+    NOBODY,
     NS,
     Battery,
     Estimate,
     Frame,
     Imu,
+    InputReadings,
     Measurement,
     MeasurementKind,
     Payload,
+    PayloadState,
+    SeenObstacles,
     Sticks,
+    Tick,
     Time,
     kind_name,
+    made,
 )
 from kybflow.dsl.plan import VehiclePlan
+from kybflow.parts import GROUND, Entry, Flight
+from kybflow.parts.events import PayloadAlreadyReleased, PayloadLoaded, PayloadReleased
 from kybflow.runtime.events import Events, VehicleObserver
+from kybflow.runtime.fleet.broadcasts import Broadcasts
 from kybflow.runtime.monitoring.bodies import Bodies, BodyMonitor
-from kybflow.runtime.monitoring.cameras import CameraMonitor
-from kybflow.runtime.monitoring.estimate_history import EstimateHistory
-from kybflow.runtime.monitoring.resting_bias import RestingBias
+from kybflow.runtime.monitoring.cameras import CameraMonitor, EstimateHistory
 from kybflow.runtime.monitoring.sensing import OpenSensor, Sensing
 from kybflow.runtime.scores import VehicleScore
+from kybflow.runtime.vehicle.control import Control
 from kybflow.runtime.vehicle.estimation import Estimation
 from kybflow.runtime.vehicle.link import LinkIn
-from kybflow.runtime.vehicle.payload import PayloadTracker
 from kybflow.world.vehicle_context import VehicleContext
+
+
+class PayloadTracker:
+    """Tracks a vehicle's payload. After a release the servo opens again only once it has closed.
+
+    state: the payload's state according to the vehicle's reports, None while unknown.
+    releases: how often the vehicle has released its payload.
+    """
+
+    def __init__(self, vehicle: str, events: Events) -> None:
+        self.state: PayloadState | None = None
+        self.releases = 0
+        self._vehicle, self._events = vehicle, events
+        self._report: Payload | None = None
+        self._requested: Time | None = None
+
+    def wants(self, is_open: bool, now: Time, at: str) -> bool:
+        """Return whether the servo must still be requested to open or close; False if it already
+        has, or if the payload was released before."""
+        if is_open and self.state is PayloadState.RELEASED:
+            self._events.emit(PayloadAlreadyReleased(), self._vehicle, at)
+            return False
+        if not is_open:
+            self._requested = None
+        elif self._requested is None:
+            self._requested = now
+        return self._report is None or self._report.is_open is not is_open
+
+    def update(self, report: Payload, estimate: Estimate | None, now: Time) -> None:
+        """Process a report on the payload; emit an event if it was released or loaded."""
+        self._report = report
+        before, self.state = self.state, self._meant(report)
+        if self.state is before:
+            return
+        if self.state is PayloadState.RELEASED:
+            took = None if self._requested is None else (now - self._requested) / NS
+            self._requested = None
+            self.releases += 1
+            x, y, z = (None, None, None) if estimate is None else estimate.position
+            self._events.emit(PayloadReleased(x=x, y=y, z=z, took=took), self._vehicle)
+        elif self.state is PayloadState.ABOARD and before is not None:
+            self._events.emit(PayloadLoaded(), self._vehicle)
+
+    def _meant(self, report: Payload) -> PayloadState | None:
+        """Return the payload state that a report implies, None if it is unclear. An open servo has
+        released a payload that was aboard or whose release was requested, unless the vehicle
+        reports the payload as still aboard."""
+        if report.is_open and report.aboard:
+            return self.state
+        if report.is_open:
+            had = self.state in (PayloadState.ABOARD, PayloadState.RELEASED)
+            released = had or self._requested is not None
+            return PayloadState.RELEASED if released else PayloadState.ABSENT
+        if report.aboard is None:
+            return None
+        return PayloadState.ABOARD if report.aboard else PayloadState.ABSENT
+
+
+LONG = 0.1
+"""Seconds at rest after which the bias is known to a few cm/s^2."""
+MAX_BIAS = 1.5
+"""Largest plausible bias, m/s^2; a larger difference from gravity is ignored."""
+
+
+class RestingBias:
+    """Measures the accelerometer's bias along body z while the rotors rest, for a descent without a
+    position. The measured bias includes the effect of a sloping floor.
+
+    The measurement starts anew whenever the rotors come to rest. rotors_turn: whether the last
+    command let the rotors turn.
+    """
+
+    __slots__ = ("_felt", "_time", "rotors_turn")
+
+    def __init__(self) -> None:
+        self.rotors_turn = False
+        self._felt = self._time = 0.0
+
+    def turn(self, rotors_turn: bool) -> None:
+        """Record that the rotors start or stop turning."""
+        if not rotors_turn:
+            self._felt = self._time = 0.0
+        self.rotors_turn = rotors_turn
+
+    def add(self, imu: Imu) -> None:
+        """Add a sample that was measured at rest."""
+        self._felt += imu.dt * imu.specific_force[2]
+        self._time += imu.dt
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the vehicle has rested for long enough."""
+        return self._time >= LONG
+
+    @property
+    def specific_force(self) -> float:
+        """The specific force along body z at rest, m/s^2; gravity if it is unknown or
+        implausible."""
+        if not self.is_known:
+            return GRAVITY
+        lift = self._felt / self._time
+        return lift if abs(lift - GRAVITY) <= MAX_BIAS else GRAVITY
+
 
 _Take = Callable[[Any, Time], None]
 
@@ -175,3 +286,53 @@ class Knowledge:
 
     def _take_payload(self, payload: Payload, now: Time) -> None:
         self.payload.update(payload, self.estimate, now)
+
+
+class TickBuilder:
+    """Builds the ticks and entries of one vehicle. fleet: the estimate of each vehicle in the
+    newest tick, None for a vehicle without an estimate."""
+
+    def __init__(
+        self,
+        context: VehicleContext,
+        knowledge: Knowledge,
+        control: Control,
+        inputs: InputReadings,
+        broadcasts: Broadcasts | None,
+        moving: SeenObstacles,
+    ) -> None:
+        self.fleet: dict[str, Estimate | None] = {}
+        self._context, self._knowledge, self._control = context, knowledge, control
+        self._inputs, self._moving = inputs, moving
+        self._neighbours = broadcasts or NOBODY
+
+    def tick(self, now: Time, dt: float, entered: Time, fleet: dict[str, Estimate | None]) -> Tick:
+        """Return the tick at `now`, `dt` seconds after the last one, of a vehicle whose state was
+        entered at `entered`."""
+        self.fleet = fleet
+        knowledge, link = self._knowledge, self._knowledge.link_in
+        return made(
+            Tick,
+            (
+                now, dt, (now - entered) / NS, knowledge.estimate, knowledge.battery,
+                self._control.followed, fleet, knowledge.imu, link.age, link.delay,
+                knowledge.payload.state, self._inputs, self._neighbours, self._moving,
+            ),
+        )  # fmt: skip
+
+    def standing(self, entered: Time, fleet: dict[str, Estimate | None]) -> Tick:
+        """Return a tick of zero duration at the time of the newest measurements. fleet: the
+        estimates of all vehicles."""
+        now = self._knowledge.now
+        return self.tick(now, 0.0, entered, self.fleet)._replace(fleet=fleet)
+
+    def entry(self, flight: Flight) -> Entry:
+        """Return the conditions in which a behavior would be entered now. The hover thrust (N) is
+        the tracker's estimate in the air, and the airframe's weight on the ground."""
+        knowledge, control, context = self._knowledge, self._control, self._context
+        thrust = context.airframe.hover_thrust if flight is GROUND else control.hover_thrust()
+        lift = knowledge.resting.specific_force
+        return Entry(
+            knowledge.now, context, knowledge.estimate, control.followed, thrust, flight, lift,
+            self._inputs,
+        )  # fmt: skip

@@ -1,4 +1,5 @@
-"""Wraps a vehicle's link, for receiving and for sending, to contain exceptions of its driver.
+"""A vehicle's link, for receiving (`LinkIn`) and for sending (`LinkOut`), which contain exceptions
+of its driver.
 
 An exception fails only this vehicle and is reported once; reading and sending are still attempted
 in every tick. `Refused` is not a failure but the vehicle's answer to a request.
@@ -10,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import ParamSpec, TypeVar
 
 from kybflow.core.errors import PartFailed, Refused, described
+from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import (
     NS,
     Command,
@@ -44,16 +46,26 @@ from kybflow.runtime.scores import VehicleScore
 P = ParamSpec("P")
 T = TypeVar("T")
 
+TIMEOUT, SLOWEST = 10.0, 0.2
+"""A landing by the vehicle's own land mode may take `TIMEOUT` seconds plus the height divided by
+`SLOWEST` (m/s)."""
 SILENCE = 0.3
 """Seconds without a measurement after which the next one counts as the link's return."""
 ALIVE = 0.5
 """Largest age (s) of the vehicle's last measurement at which the vehicle can take requests."""
 
+
+RESTING = Command(LEVEL, 0.0, ZERO, None, False)
+"""The command of a vehicle on the ground: rotors at rest."""
+HANDED_OVER = Command(LEVEL, 0.0, ZERO, None)
+"""The command recorded while the vehicle's land mode, its watchdog or a pilot flies it: armed,
+without thrust."""
+
 Accept = Callable[[Sequence[Measurement], Time], Sequence[Measurement]]
 
 
-class LinkHealth:
-    """The health of a link: catches and reports the exceptions of its driver.
+class LinkGuard:
+    """Catches and reports the exceptions of a link's driver.
 
     error: a description of the link's first exception, None while it works.
     """
@@ -94,7 +106,8 @@ class LinkIn:
     """Receives measurements.
 
     truth: the simulator's ground truth, None on hardware.
-    heard: when measurements last arrived, None before the first read.
+    heard: when measurements last arrived, also from a simulator beside the vehicle; None before the
+    first read.
     age: seconds since the vehicle's last measurement, or since the link was first read. Messages
     without a measurement, such as heartbeats, don't count.
     delay: the round-trip time to the vehicle in seconds, zero while unknown.
@@ -105,7 +118,7 @@ class LinkIn:
         self,
         plan: VehiclePlan,
         link: Link,
-        health: LinkHealth,
+        guard: LinkGuard,
         events: Events,
         score: VehicleScore,
     ) -> None:
@@ -114,7 +127,7 @@ class LinkIn:
         self.age = self.delay = 0.0
         self._alive: Time | None = None
         self._vehicle, self._at, self._events = plan.name, plan.driver.at, events
-        self._link, self._health = link, health
+        self._link, self._guard = link, guard
         self._read, self._truth = link.read, truth_source(link)
         self.faults = link.faults
         self._texts = link.status_texts if isinstance(link, SendsStatusTexts) else None
@@ -130,22 +143,25 @@ class LinkIn:
             self.truth = self._truth()
             if measurements or self.heard is None:
                 if self._link.is_heard or self._alive is None:
-                    self._note_alive(now)
+                    if self._alive is not None and now - self._alive > SILENCE * NS:
+                        back = LinkReturned(value=(now - self._alive) / NS)
+                        self._events.emit(back, self._vehicle, self._at)
+                    self._alive = now
                 self.heard, self.delay = now, self._link.delay
                 measurements = accept(measurements, now)
         except Exception as error:  # a driver may raise anything
             self.truth, measurements = None, ()
             self.heard = now if self.heard is None else self.heard
             self._alive = now if self._alive is None else self._alive
-            self._health.fail(error)
+            self._guard.fail(error)
         if self._alive is not None:
             self.age = (now - self._alive) / NS
         if self._texts is not None:
-            for severity, text in self._health.attempt(self._texts) or ():
+            for severity, text in self._guard.attempt(self._texts) or ():
                 status = VehicleSaid(severity=severity, text=text)
                 self._events.emit(status, self._vehicle, self._at)
         if self._others is not None:
-            for reason, allowed in self._health.attempt(self._others) or ():
+            for reason, allowed in self._guard.attempt(self._others) or ():
                 self._events.emit(ForeignCommandEvent(reason=reason), self._vehicle, self._at)
                 self._score.foreign(reason, allowed)
         return measurements
@@ -156,28 +172,27 @@ class LinkIn:
             return
         self._subscribed |= kinds
         if isinstance(self._link, Subscribable):
-            self._health.attempt(self._link.subscribe, self._subscribed)
+            self._guard.attempt(self._link.subscribe, self._subscribed)
 
     def checks(self, now: Time) -> Sequence[Check]:
         """Return the vehicle's own preflight checks."""
         if not isinstance(self._link, ReportsChecks):
             return ()
-        return self._health.attempt(self._link.checks, now) or ()
-
-    def _note_alive(self, now: Time) -> None:
-        """Record that the vehicle itself sent a message; emit `LinkReturned` after a silence."""
-        if self._alive is not None and now - self._alive > SILENCE * NS:
-            silence = (now - self._alive) / NS
-            self._events.emit(LinkReturned(value=silence), self._vehicle, self._at)
-        self._alive = now
+        return self._guard.attempt(self._link.checks, now) or ()
 
 
 class LinkOut:
-    """Sends commands and requests. tells_position: whether the vehicle accepts an external
-    position."""
+    """Sends commands and requests.
 
-    def __init__(self, plan: VehiclePlan, link: Link, health: LinkHealth, link_in: LinkIn) -> None:
-        self._link, self._health, self._send, self._in = link, health, link.send, link_in
+    sent: the last command.
+    arming: the command that waits until the vehicle is armed, or None.
+    tells_position: whether the vehicle accepts an external position.
+    """
+
+    def __init__(self, plan: VehiclePlan, link: Link, guard: LinkGuard, link_in: LinkIn) -> None:
+        self.sent = RESTING
+        self.arming: Command | None = None
+        self._link, self._guard, self._send, self._in = link, guard, link.send, link_in
         self._arm = link.arm if isinstance(link, Arms) else None
         self._cut = link.cut if isinstance(link, StopsRotors) else None
         self._force = link.disarm_by_force if isinstance(link, DisarmsByForce) else None
@@ -195,7 +210,7 @@ class LinkOut:
         try:
             return self._link.override
         except Exception as error:  # a driver may raise anything
-            self._health.fail(error)
+            self._guard.fail(error)
             return None
 
     @property
@@ -204,59 +219,74 @@ class LinkOut:
         try:
             return self._link.armed
         except Exception as error:  # a driver may raise anything
-            self._health.fail(error)
+            self._guard.fail(error)
             return None
 
-    def send(self, command: Command, now: Time) -> None:
-        """Send a command."""
-        try:
-            self._send(command, now)
-        except Exception as error:  # a driver may raise anything
-            self._health.fail(error)
+    def deliver(self, command: Command, now: Time) -> Command:
+        """Send the command of a tick; return the command that was sent. `HANDED_OVER` is not sent.
+        The first armed command arms the vehicle, which may take seconds; until then nothing is
+        sent, and `RESTING` is returned. Raises Refused if the vehicle refuses to arm."""
+        if command is not HANDED_OVER:
+            self.arming = None
+            if command.armed and not self.sent.armed and self._arm is not None:
+                self.sent = RESTING
+                if not self._guard.ask(self._arm, command, now):
+                    self.arming = command
+                    return RESTING
+            try:
+                self._send(command, now)
+            except Exception as error:  # a driver may raise anything
+                self._guard.fail(error)
+        self.sent = command
+        return command
 
-    def arm(self, command: Command, now: Time) -> bool:
-        """Request arming and command mode; return whether the vehicle is armed and follows
-        commands. Raises Refused."""
-        return self._arm is None or bool(self._health.ask(self._arm, command, now))
+    def cancel_arming(self) -> None:
+        """Stop arming for the command of a state that was left."""
+        self.arming = None
+
+    def hand_over(self) -> Command:
+        """Send nothing, because a pilot flies the vehicle; return the command to record."""
+        self.sent = HANDED_OVER
+        return HANDED_OVER
 
     def cut(self, now: Time) -> None:
         """Stop the rotors at once."""
         if self._cut is not None:
-            self._health.attempt(self._cut, now)
+            self._guard.attempt(self._cut, now)
 
     def disarm_by_force(self, now: Time) -> None:
         """Disarm a vehicle that stands on the ground. Raises Refused."""
         if self._force is None:
             raise Refused("its driver can't")
-        self._health.ask(self._force, now)
+        self._guard.ask(self._force, now)
 
     def reclaim(self, now: Time) -> None:
         """Request control back from a pilot."""
         if self._reclaim is not None:
-            self._health.attempt(self._reclaim, now)
+            self._guard.attempt(self._reclaim, now)
 
     def tell_position(self, estimate: Estimate, now: Time) -> None:
         """Send the vehicle its externally measured position."""
         if self._tell_position is not None:
-            self._health.attempt(self._tell_position, estimate, now)
+            self._guard.attempt(self._tell_position, estimate, now)
 
     def grip(self, is_open: bool, now: Time) -> None:
         """Open or close the payload's servo. Raises Refused."""
         if self._grip is None:
             raise Refused("it has no servo for a payload")
-        self._health.ask(self._grip, is_open, now)
+        self._guard.ask(self._grip, is_open, now)
 
     def perform(self, act: str, now: Time) -> None:
         """Request one of the driver's actions. Raises Refused."""
         if self._perform is None:
             raise Refused(f"its driver performs no `{act}`")
-        self._health.ask(self._perform, act, now)
+        self._guard.ask(self._perform, act, now)
 
     @property
     def can_land(self) -> bool:
         """Whether the vehicle has its own land mode and its link works, so that the mode can be
         requested now."""
-        return self._lands and self._health.error is None and self._in.age <= ALIVE
+        return self._lands and self._guard.error is None and self._in.age <= ALIVE
 
     def prefers_land_mode(self, reaction: Reaction) -> bool:
         """Return whether the vehicle's own land mode replaces the state for `reaction`."""
@@ -267,7 +297,30 @@ class LinkOut:
         """Request the vehicle's own land mode; return whether it has landed. Raises Refused."""
         if self._land is None:
             raise Refused("it has no land mode")
-        landed = self._health.ask(self._land, now)
+        landed = self._guard.ask(self._land, now)
         if landed is None:
-            raise Refused(self._health.error or "its link failed")
+            raise Refused(self._guard.error or "its link failed")
         return landed
+
+
+class LandMode:
+    """A landing by the vehicle's own land mode. The failsafe prefers it for the reaction `land`,
+    and for `land_blind` if the mode needs no position.
+
+    The autopilot lands by its own estimate, while the runtime sends no commands and requests the
+    mode in every tick. If the vehicle refuses or leaves the mode, or has not landed in time (10 s
+    plus its height at 0.2 m/s), the state `auto_land` or `land_blind` lands it. land: the link's
+    method that requests the mode. height: the vehicle's height above the expected ground (m).
+    """
+
+    def __init__(self, land: Callable[[Time], bool], now: Time, height: float) -> None:
+        self._land = land
+        self._timeout = TIMEOUT + max(height, 0.0) / SLOWEST
+        self._until = now + round(self._timeout * NS)
+
+    def has_landed(self, now: Time) -> bool:
+        """Request the land mode, once a tick; return whether the vehicle has landed. Raises Refused
+        if the vehicle refuses or has not landed in time."""
+        if now > self._until:
+            raise Refused(f"it has not landed within {self._timeout:.0f} s")
+        return self._land(now)

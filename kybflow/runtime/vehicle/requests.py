@@ -18,9 +18,9 @@ from kybflow.core.errors import PartFailed, Refused, described
 from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, PlannedPoint, Reaction, Time
+from kybflow.dsl.names import AUTO_HOME, AUTO_LAND, FAULT, LAND_BLIND, LANDED
 from kybflow.dsl.plan import StatePlan, Values, VehiclePlan
-from kybflow.flight.motion import Coast
-from kybflow.flight.profiles import Pace
+from kybflow.flight.motion import Coast, Pace
 from kybflow.parts import GROUND
 from kybflow.parts.events import (
     OptionRefusedEvent,
@@ -36,20 +36,19 @@ from kybflow.parts.events import (
     SwitchRefused,
 )
 from kybflow.runtime.events import Events
-from kybflow.runtime.safety.failsafe import Failsafe
 from kybflow.runtime.vehicle.behavior_runner import BehaviorRunner, unfit
+from kybflow.runtime.vehicle.failsafe import Failsafe, Reactions
 from kybflow.runtime.vehicle.link import LinkOut
 from kybflow.runtime.vehicle.override import ManualOverride
-from kybflow.runtime.vehicle.reactions import Reactions
 
 _SAFER = {
-    "auto_home": Reaction.GO_HOME,
-    "auto_land": Reaction.LAND,
-    "land_blind": Reaction.LAND_BLIND,
+    AUTO_HOME: Reaction.GO_HOME,
+    AUTO_LAND: Reaction.LAND,
+    LAND_BLIND: Reaction.LAND_BLIND,
 }
 """The built-in states that make any vehicle safer, and the reaction that leads to each."""
 _TAKEN = "somebody else has control, until `operator.resume`"
-_STAYS = frozenset({"auto_land", "landed", "fault"})
+_STAYS = frozenset({AUTO_LAND, LANDED, FAULT})
 
 
 Answered = Callable[[str | None], None]
@@ -225,7 +224,7 @@ class Requests:
         stays = runner.machine.state in _STAYS and not self.paused
         if self._failsafe.latched is None and not stays:
             self._failsafe.clear_brake()
-            runner.go("auto_land" if runner.off_ground else "landed")
+            runner.enter_built_in(AUTO_LAND if runner.off_ground else LANDED)
 
     @property
     def paused(self) -> bool:
@@ -258,9 +257,9 @@ class Requests:
         plan, latched = self._plan.states.get(state), self._failsafe.latched
         if self._override.is_taken:
             return _TAKEN
-        if plan is None or state == "fault":
+        if plan is None or state == FAULT:
             return "it is not a state that can be requested"
-        if self._runner.machine.state == "fault":
+        if self._runner.machine.state == FAULT:
             return "it is in `fault`, until a person resets it"
         if latched is not None and _SAFER.get(state, Reaction.WARN) <= latched:
             return f"failsafe active (`{latched.name.lower()}`)"
@@ -274,7 +273,7 @@ class Requests:
         """Return why a pause would be refused now, because the failsafe controls the vehicle, or
         None if it would be granted."""
         latched = self._failsafe.latched
-        if self._runner.machine.state == "fault":
+        if self._runner.machine.state == FAULT:
             return "it is in `fault`"
         return None if latched is None else f"failsafe active ({latched.name.lower()})"
 

@@ -1,6 +1,6 @@
 """One vehicle, composed of objects that each receive only the data they may use.
 
-measurements ─► `knowledge` ─► estimate ─► `decision` ─► `control` ─► command ─► `output` ─► link
+measurements ─► `knowledge` ─► estimate ─► `decision` ─► `control` ─► command ─► `link`
 """
 
 from __future__ import annotations
@@ -30,31 +30,27 @@ from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import GROUND, Link
 from kybflow.runtime.events import Events, VehicleObserver
 from kybflow.runtime.fleet.broadcasts import Broadcasts
-from kybflow.runtime.making import make, parts_of
+from kybflow.runtime.making import make
 from kybflow.runtime.monitoring.bodies import Bodies
-from kybflow.runtime.monitoring.estimate_history import EstimateHistory
+from kybflow.runtime.monitoring.cameras import EstimateHistory
 from kybflow.runtime.monitoring.sensing import OpenSensor
 from kybflow.runtime.monitoring.tracking_errors import TrackingErrors
-from kybflow.runtime.safety.failsafe import Failsafe, RaisedAlarm
 from kybflow.runtime.scores import VehicleScore
-from kybflow.runtime.vehicle.arming_watch import ArmingWatch
 from kybflow.runtime.vehicle.behavior_runner import BehaviorRunner
 from kybflow.runtime.vehicle.control import Control, OptionSetter
 from kybflow.runtime.vehicle.decision import Decision
 from kybflow.runtime.vehicle.estimation import ExternalPosition
-from kybflow.runtime.vehicle.knowledge import Knowledge
-from kybflow.runtime.vehicle.link import LinkHealth, LinkIn, LinkOut
-from kybflow.runtime.vehicle.output import CommandOutput
-from kybflow.runtime.vehicle.override import ManualOverride
-from kybflow.runtime.vehicle.reactions import Reactions
+from kybflow.runtime.vehicle.failsafe import Failsafe, RaisedAlarm, Reactions
+from kybflow.runtime.vehicle.knowledge import Knowledge, TickBuilder
+from kybflow.runtime.vehicle.link import LinkGuard, LinkIn, LinkOut
+from kybflow.runtime.vehicle.override import ArmingWatch, ManualOverride
 from kybflow.runtime.vehicle.requests import EntryJudge, NoJudge, Requests
-from kybflow.runtime.vehicle.tick_builder import TickBuilder
 from kybflow.world.vehicle_context import VehicleContext
 
 _SINKS = -0.05
 """The vertical velocity (m/s) below which a setpoint counts as descending."""
 _STALE = 10.0
-"""Seconds without a message after which the vehicle's last report of being armed is ignored."""
+"""Seconds without a measurement after which the vehicle's last report of being armed is ignored."""
 
 
 class Vehicle:
@@ -89,22 +85,23 @@ class Vehicle:
         self.wanted: Setpoint | None = None
         self._observer, self._errors = observer, TrackingErrors(score)
         self._broadcasts = broadcasts
-        self._params = params = {part.label: part.params for part in parts_of(plan)}
+        self._params = params = {part.label: part.params for part in plan.parts}
         self._supervisors = {p.label: make(p, p.params, context) for p in plan.supervisors}
-        lines = {part.label: part.at for part in parts_of(plan)}
+        lines = {part.label: part.at for part in plan.parts}
         failsafe = Failsafe(plan.name, self._supervisors, lines, events)
-        health = LinkHealth(plan.driver.label, failsafe.report)
-        link_in = LinkIn(plan, link, health, events, score)
-        link_out = LinkOut(plan, link, health, link_in)
+        guard = LinkGuard(plan.driver.label, failsafe.report)
+        link_in = LinkIn(plan, link, guard, events, score)
+        link_out = LinkOut(plan, link, guard, link_in)
         knowledge = Knowledge(
             plan, context, link_in, events, observer, score, failsafe.report, sensors, bodies, fleet
         )
         control = Control(plan, context, params, set_option, events)
         ticks = TickBuilder(context, knowledge, control, inputs, broadcasts, moving)
-        runner = BehaviorRunner(plan, params, ticks, failsafe, link_out, events, score)
-        output = CommandOutput(plan, link_out, runner, knowledge.payload, knowledge.resting, events)
-        reactions = Reactions(plan, runner, failsafe, link_out, output, score)
-        arming = ArmingWatch(plan, link_out, runner, reactions, output, events, score)
+        runner = BehaviorRunner(
+            plan, params, ticks, failsafe.foresee, failsafe.is_latched, link_out, events, score
+        )
+        reactions = Reactions(plan, runner, failsafe, link_out, score)
+        arming = ArmingWatch(plan, link_out, runner, reactions, events, score)
         override = ManualOverride(
             plan, link_out, runner, failsafe, reactions, control, arming, events, score
         )
@@ -112,14 +109,12 @@ class Vehicle:
             plan, link_out, runner, failsafe, reactions, override, judge or NoJudge(), events
         )
         self._decision = Decision(
-            plan, runner, failsafe, reactions, requests, control, output, knowledge, events
+            plan, runner, failsafe, reactions, requests, control, link_out, knowledge, events
         )
         self.knowledge, self.runner, self.failsafe = knowledge, runner, failsafe
         self.link_out = link_out
-        self._ticks, self._control, self._output, self._reactions = (
-            ticks, control, output, reactions,
-        )  # fmt: skip
-        self._override, self._arming, self._health = override, arming, health
+        self._ticks, self._control, self._reactions = ticks, control, reactions
+        self._override, self._arming, self._guard = override, arming, guard
         self._external_position = ExternalPosition(plan, knowledge.estimation)
 
     @property
@@ -149,7 +144,7 @@ class Vehicle:
     @property
     def link_error(self) -> str | None:
         """The error with which the link failed, None while it works."""
-        return self._health.error
+        return self._guard.error
 
     @property
     def link_age(self) -> float:
@@ -213,15 +208,12 @@ class Vehicle:
 
     def act(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> None:
         """Decide what to do in this tick, compute and send the command, and record the tick."""
-        runner, output = self.runner, self._output
+        runner = self.runner
         tick = self._ticks.tick(now, dt, runner.entered, fleet)
         if self._override.update(tick, self._decision.answer):
-            command, wanted = output.hand_over(), None
+            command, wanted = self.link_out.hand_over(), None
         else:
-            command, wanted = self._decision.command(tick)
-            command = output.deliver(command, now)
-        if runner.grip is not None:
-            output.grip(now)
+            command, wanted = self._decision.act(tick)
         knowledge, followed = self.knowledge, self._control.followed
         estimate, truth = knowledge.estimate, knowledge.link_in.truth
         self._observer.tick(now, estimate, wanted, followed, command, truth, knowledge.estimation)

@@ -10,8 +10,15 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from kybflow.core.geometry import Vec3, add, wrap
-from kybflow.flight.formation.places import assigned, laid, turned_by
-from kybflow.flight.formation.shapes import centroid, closest, objection, places_of
+from kybflow.flight.formation.places import (
+    assigned,
+    centroid,
+    closest,
+    laid,
+    objection,
+    places_of,
+    turned_by,
+)
 
 coordinates = st.floats(-3.0, 3.0).map(lambda x: round(x, 3))
 points = st.tuples(coordinates, coordinates, coordinates)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kybflow.core.geometry import ZERO, Vec3, add, distance, scale, sub
-from kybflow.flight.formation.ways import WayToPlace, clear_way
+from kybflow.flight.formation.frame import WayToPlace, clear_way
 from kybflow.flight.motion import Motion
 
 START, GOAL = (-2.0, 0.0, 1.0), (2.0, 0.0, 1.0)

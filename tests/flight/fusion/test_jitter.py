@@ -9,7 +9,7 @@ import pytest
 
 from kybflow.core.geometry import ZERO, Vec3, from_euler, integrate
 from kybflow.core.signals import NS, Pose
-from kybflow.flight.fusion.jitter import Jitter
+from kybflow.runtime.estimators._fusion_sources import Jitter
 
 PERIOD = NS // 120
 

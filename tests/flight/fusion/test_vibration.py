@@ -1,4 +1,4 @@
-"""How noisy an IMU is, is told by its own samples, however the vehicle moves."""
+"""The noise of an IMU, measured from its own samples, and the averages of a vehicle at rest."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from math import sin
 
 import pytest
 
-from kybflow.core.geometry import Vec3
-from kybflow.flight.fusion.covariance import ImuNoise
-from kybflow.flight.fusion.vibration import Vibration
+from kybflow.core.geometry import GRAVITY, ZERO, Vec3
+from kybflow.core.signals import NS, Imu
+from kybflow.flight.fusion.covariance import ImuNoise, Vibration
+from kybflow.flight.fusion.filter import Standstill
 
 DECLARED = ImuNoise(0.005, 0.0002, 0.0005, 0.00002)
 DT = 0.004
@@ -39,3 +40,14 @@ def test_what_rotors_shake_is_found() -> None:
     assert noise.velocity == pytest.approx(0.7 * DT**0.5, rel=0.15)
     assert noise.attitude == pytest.approx(0.015 * DT**0.5, rel=0.15)
     assert noise[2:] == DECLARED[2:]
+
+
+@pytest.mark.parametrize("again", [0, -NS // 500])
+def test_a_sample_that_is_not_newer_does_not_count(again: int) -> None:
+    still = Standstill()
+    for step in range(300):
+        time = step * NS // 200
+        still.add_imu(Imu(time, 0.005, (0.0, 0.0, GRAVITY), ZERO))
+        still.add_imu(Imu(time + again, 0.005, (0.05, 0.0, GRAVITY), ZERO))
+    assert still.holds(NS)
+    assert still._force[0] == 0.0

@@ -12,18 +12,22 @@ from plans import NANO
 
 from kybflow.drivers.sim import Sim, SimParams
 from kybflow.flight.geometric_law import GeometricParams, outer_loop
-from kybflow.flight.loops.design import (
+from kybflow.flight.loops.margins import margins
+from kybflow.flight.loops.position_loop import (
     FASTEST,
     LEAST,
     PLANNED,
+    OuterLoop,
+    Stiffness,
     designed,
     holds,
+    horizontal,
     margins_of,
     quickest_observer,
     shaped,
+    stiffness,
+    vertical,
 )
-from kybflow.flight.loops.margins import margins
-from kybflow.flight.loops.response import OuterLoop, Stiffness, horizontal, stiffness, vertical
 from kybflow.world.vehicle_context import Airframe, InnerLoop, attitude_loop
 
 MK = Airframe(

@@ -16,7 +16,7 @@ from kybflow.core.signals import NS, Setpoint, SetpointKind, Tick
 from kybflow.drivers.sim import Sim, SimParams
 from kybflow.flight.geometric_law import GeometricParams, outer_loop
 from kybflow.flight.loops.margins import margins
-from kybflow.flight.loops.response import horizontal, vertical
+from kybflow.flight.loops.position_loop import horizontal, vertical
 from kybflow.parts import Effect, Seat
 from kybflow.runtime.estimators.mocap import Mocap, MocapParams
 from kybflow.runtime.trackers.geometric import Geometric

@@ -20,7 +20,7 @@ from part_bench import (
 
 from kybflow.core.geometry import ZERO, Vec3, from_heading, norm
 from kybflow.core.signals import Done, Failed, Setpoint
-from kybflow.flight.profiles import Pace
+from kybflow.flight.motion import Pace
 from kybflow.parts import Footprint
 from kybflow.runtime.behaviors.fly_to import FlyTo, FlyToParams
 

@@ -13,7 +13,7 @@ from part_bench import SITE, at_rest, estimate
 from kybflow.core.events import Emitting
 from kybflow.core.geometry import ZERO, Vec3, add, distance
 from kybflow.core.signals import NS, Done, Failed, InputReading, NeighbourState, Setpoint, Tick
-from kybflow.flight.formation.shapes import centroid
+from kybflow.flight.formation.places import centroid
 from kybflow.parts import AXES, Entry
 from kybflow.runtime.behaviors.follow import Follow, FollowParams
 from kybflow.runtime.behaviors.formation import Formation, FormationParams

@@ -10,8 +10,7 @@ from part_bench import SITE
 from kybflow.core.geometry import Vec3, add
 from kybflow.flight.avoidance.clearance import reach_of, walls
 from kybflow.flight.formation.frame import MovingFrame
-from kybflow.flight.formation.shapes import places_of
-from kybflow.flight.formation.taken_places import NEAREST, seen_from
+from kybflow.flight.formation.places import NEAREST, places_of, seen_from
 from kybflow.runtime.behaviors.formation.room import FormationRoom, FormationRoomParams
 from kybflow.world.shapes import Box, Sphere
 

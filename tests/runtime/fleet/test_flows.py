@@ -28,7 +28,7 @@ from kybflow.dsl.plan import (
     Switch,
     TransitionPlan,
 )
-from kybflow.flight.profiles import Pace
+from kybflow.flight.motion import Pace
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.flows import Flows
 from kybflow.runtime.vehicle.requests import Requester

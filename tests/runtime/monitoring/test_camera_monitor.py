@@ -17,8 +17,7 @@ from kybflow.core.signals import NS, Estimate, Event, Frame
 from kybflow.dsl.plan import EstimatorPlan, PartPlan
 from kybflow.parts import Estimator
 from kybflow.runtime.events import Events
-from kybflow.runtime.monitoring.cameras import CameraMonitor
-from kybflow.runtime.monitoring.estimate_history import EstimateHistory
+from kybflow.runtime.monitoring.cameras import CameraMonitor, EstimateHistory
 from kybflow.world.cameras import Camera, Lens
 
 LENS = Lens(40, 30, 40.0, 40.0, 20.0, 15.0)

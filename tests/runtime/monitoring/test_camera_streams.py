@@ -11,8 +11,8 @@ import pytest
 from kybflow.core.events import VehicleEvent
 from kybflow.core.signals import NS, Frame, Time
 from kybflow.parts.events import CameraFroze, CameraLostEvent, CameraRecovered
+from kybflow.runtime.monitoring.bodies import CONFIRMED
 from kybflow.runtime.monitoring.cameras import CameraStreams
-from kybflow.runtime.monitoring.findings import CONFIRMED
 from kybflow.world.cameras import Camera, Lens
 
 LENS = Lens(320, 240, 200.0, 200.0, 159.5, 119.5)

@@ -13,9 +13,8 @@ from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import LEVEL, Vec3
 from kybflow.core.signals import NS, Estimate, Frame, Time
 from kybflow.parts.events import CameraJumped, TagsFound, TagsLost
-from kybflow.runtime.monitoring.cameras import Sightings
-from kybflow.runtime.monitoring.estimate_history import EstimateHistory
-from kybflow.runtime.monitoring.findings import CONFIRMED
+from kybflow.runtime.monitoring.bodies import CONFIRMED
+from kybflow.runtime.monitoring.cameras import EstimateHistory, Sightings
 from kybflow.world.cameras import Camera, Lens
 
 CAMERA = Camera("down", Lens(4, 4, 4.0, 4.0, 2.0, 2.0), (0.0, 0.0, 0.0), rate=20.0)

@@ -9,9 +9,14 @@ from part_bench import DT, SITE, at_rest, estimate, tick
 
 from kybflow.core.geometry import ZERO, distance, norm
 from kybflow.core.signals import Setpoint, SetpointKind
-from kybflow.flight.avoidance.potential import Potential, push, repulsion
 from kybflow.flight.avoidance.surroundings import Hazard
-from kybflow.runtime.processors.potential_field import PotentialField, PotentialFieldParams
+from kybflow.runtime.processors.potential_field import (
+    Potential,
+    PotentialField,
+    PotentialFieldParams,
+    push,
+    repulsion,
+)
 from kybflow.world.shapes import Cylinder, Plane
 
 TELEKYB = Potential(0.4, 0.4, 0.2, 0.5, 100.0, 4.0)

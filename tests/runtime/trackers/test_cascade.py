@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, body_z, from_euler, heading_of, tilt_of
 from kybflow.core.signals import CommandKind, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.flight.mass import MassEstimator
+from kybflow.flight.force_estimates import MassEstimator
 from kybflow.runtime.trackers.cascade import Cascade, CascadeParams
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 

@@ -11,9 +11,15 @@ from hypothesis import strategies as st
 
 from kybflow.core.geometry import GRAVITY, ZERO, body_z, from_heading, tilt_of
 from kybflow.core.signals import CommandKind, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.flight.loops.design import FASTEST, PLANNED, holds, margins_of
 from kybflow.flight.loops.margins import margins
-from kybflow.flight.loops.response import OuterLoop, vertical
+from kybflow.flight.loops.position_loop import (
+    FASTEST,
+    PLANNED,
+    OuterLoop,
+    holds,
+    margins_of,
+    vertical,
+)
 from kybflow.runtime.trackers.tilt_climb import TiltClimb, TiltClimbParams, delay
 from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext, attitude_loop
 

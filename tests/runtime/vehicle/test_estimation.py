@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import nan
+from math import exp, nan
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from plans import FENCE, NANO, part, state, vehicle
 
 from kybflow.core.errors import PartFailed
-from kybflow.core.geometry import LEVEL, ZERO, Vec3
+from kybflow.core.geometry import (
+    LEVEL,
+    ZERO,
+    Vec3,
+    add,
+    distance,
+    from_heading,
+    heading_of,
+    norm,
+    scale,
+    sub,
+)
 from kybflow.core.signals import NS, Estimate, Event
 from kybflow.core.units import DURATION
 from kybflow.dsl.expressions import Compare, Quantity, Read
@@ -19,7 +34,13 @@ from kybflow.flight.pose_gate import Refusal
 from kybflow.parts import Estimator
 from kybflow.runtime.events import Events
 from kybflow.runtime.scores import VehicleScore
-from kybflow.runtime.vehicle.estimation import Estimation
+from kybflow.runtime.vehicle.estimation import (
+    DECAY,
+    OVER,
+    EstimateBlend,
+    Estimation,
+    ExternalPosition,
+)
 from kybflow.world.vehicle_context import VehicleContext
 
 SITE = VehicleContext("a", NANO, ZERO, 0.0, FENCE, 0.1)
@@ -349,3 +370,139 @@ def test_one_that_failed_needs_no_other_reason(ages):
     estimation.kill(frozenset({"first"}))
     sources_used(estimation, 1.0, 2.0)
     assert told[-1].fields["reason"] == "`first` failed"
+
+
+TICK = NS // 250
+
+
+def at(now, position, velocity=ZERO, heading=0.0, source="a"):
+    attitude = from_heading(heading)
+    return Estimate(now, position, velocity, attitude, ZERO, source, 0.0, 0.001)
+
+
+def small(most):
+    return st.tuples(*[st.floats(-most, most)] * 3)
+
+
+@given(small(0.15), small(0.25), st.floats(-0.3, 0.3))
+def test_the_output_goes_on_where_and_as_fast_as_the_last_one(position, velocity, heading):
+    last = at(0, (1.0, 2.0, 1.0), (0.1, 0.0, 0.2), 0.4)
+    new = at(TICK, sub(last.position, position), sub(last.velocity, velocity), 0.4 - heading)
+    _, blend = EstimateBlend.between(last, new)
+    out = blend.applied(new)
+    assert out.position == pytest.approx(add(last.position, scale(last.velocity, TICK / NS)))
+    assert out.velocity == pytest.approx(last.velocity)
+    assert heading_of(out.attitude) == pytest.approx(0.4)
+    assert (out.source, out.age, out.spread) == (new.source, new.age, new.spread)
+
+
+@given(small(0.15), small(0.25))
+def test_its_velocity_is_the_derivative_of_its_position_and_it_ends(position, velocity):
+    _, blend = EstimateBlend.between(at(0, position, velocity), at(0, ZERO))
+    for now in range(0, 6 * NS, NS // 4):
+        before, here, after = (
+            blend.applied(at(t, ZERO)) for t in (now, now + TICK, now + 2 * TICK)
+        )
+        slope = scale(sub(after.position, before.position), 0.5 * NS / TICK)
+        assert here.velocity == pytest.approx(slope, abs=1e-4)
+    end = round(OVER * NS)
+    assert norm(blend.applied(at(end, ZERO)).position) < 5e-5
+    assert not blend.is_over(end - 1)
+    assert blend.is_over(end + TICK)
+
+
+def test_it_never_moves_faster_than_its_page_says():
+    _, blend = EstimateBlend.between(at(0, (0.3, 0.0, 0.0)), at(0, ZERO))
+    speeds = [norm(blend.applied(at(t, ZERO)).velocity) for t in range(0, 8 * NS, TICK)]
+    assert max(speeds) == pytest.approx(0.3 * DECAY / exp(1.0), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "last", [at(0, (0.31, 0.0, 0.0)), at(0, (0.1, 0.0, 0.0), heading=0.4)], ids=["far", "turned"]
+)
+def test_an_output_that_was_wrong_is_left_at_once(last):
+    offset, blend = EstimateBlend.between(last, at(TICK, ZERO))
+    assert blend is None
+    assert offset == pytest.approx(distance(last.position, ZERO))
+
+
+def test_a_velocity_that_was_noise_counts_no_more():
+    _, blend = EstimateBlend.between(at(0, (0.1, 0.0, 0.0), (0.9, 0.0, 0.0)), at(0, ZERO))
+    out = blend.applied(at(0, ZERO))
+    assert out.position == pytest.approx((0.1, 0.0, 0.0))
+    assert out.velocity == pytest.approx(ZERO)
+
+
+def test_the_tracking_of_the_largest_offset_is_never_two_centimetres_off():
+    """TeleKyb's law (9.0, 7.5) on a point mass that believes the blended estimate."""
+    _, blend = EstimateBlend.between(at(0, (0.3, 0.0, 0.0)), at(0, ZERO))
+    x = v = worst = 0.0
+    for now in range(0, 8 * NS, TICK):
+        told = blend.applied(at(now, (x - 0.3, 0.0, 0.0), (v, 0.0, 0.0)))
+        error = -told.position[0]
+        worst = max(worst, abs(error))
+        v += (9.0 * error - 7.5 * told.velocity[0]) * TICK / NS
+        x += v * TICK / NS
+    assert worst < 0.02
+    assert x == pytest.approx(0.3, abs=0.005)
+
+
+class Believed:
+    """The estimators of a vehicle: which one is in use, and which can be."""
+
+    def __init__(self, *names: str) -> None:
+        self.names, self.source, self.usable = names, names[0], set(names)
+
+    @property
+    def candidates(self) -> list[Any]:
+        return [
+            SimpleNamespace(name=name, is_usable=name in self.usable, estimate=estimate(name))
+            for name in self.names
+        ]
+
+
+def estimate(source: str) -> Estimate:
+    return Estimate(0, ZERO, ZERO, LEVEL, ZERO, source, 0.0, 0.01)
+
+
+def telling(*parts: tuple[str, str]) -> tuple[ExternalPosition, Believed]:
+    """Of estimators with these names in the mission, each of a part."""
+    plans = [
+        SimpleNamespace(part=replace(part("estimators", use), label=f"estimators.{name}"))
+        for name, use in parts
+    ]
+    believed = Believed(*(name for name, _ in parts))
+    return ExternalPosition(SimpleNamespace(estimators=plans), believed), believed  # type: ignore[arg-type]
+
+
+def told(tells: ExternalPosition, believed: Believed, source: str | None) -> str | None:
+    believed.source = source  # type: ignore[assignment]
+    found = tells.of(None if source is None else estimate(source))
+    return None if found is None else found.source
+
+
+def test_its_own_estimate_is_not_told_to_it_under_another_name():
+    tells, believed = telling(("on_board", "autopilot"))
+    assert told(tells, believed, "on_board") is None
+
+
+def test_one_that_flies_on_its_own_estimate_is_still_told_of_another():
+    tells, believed = telling(("autopilot", "autopilot"), ("mocap", "mocap"))
+    assert told(tells, believed, "autopilot") == "mocap"
+    believed.usable.discard("mocap")
+    assert told(tells, believed, "autopilot") is None
+
+
+@pytest.mark.parametrize(("before", "is_told"), [("mocap", True), ("autopilot", False)])
+def test_dead_reckoning_is_told_where_what_it_began_from_was_from_outside(before, is_told):
+    tells, believed = telling(
+        ("mocap", "mocap"), ("autopilot", "autopilot"), ("inertial", "inertial")
+    )
+    believed.usable.discard("mocap")
+    assert told(tells, believed, before) == (before if is_told else None)
+    assert told(tells, believed, "inertial") == ("inertial" if is_told else None)
+    assert told(tells, believed, None) is None
+    assert told(tells, believed, "inertial") == ("inertial" if is_told else None)
+    believed.usable.add("mocap")
+    assert told(tells, believed, "mocap") == "mocap"
+    assert told(tells, believed, "inertial") == "inertial"

@@ -353,3 +353,44 @@ def test_what_a_vehicle_checks_itself_is_part_of_the_preflight(run):
     flown, told = run(flight(wrong, 1.0))
     assert "FS_GCS_ENABLE is 0" in flown.summary["reason"]
     assert flown.summary["sim_time_s"] == pytest.approx(5.0, abs=0.1)
+
+
+def test_nobody_takes_off_again_with_what_a_pilot_put_down(run):
+    def ask(engine):
+        if engine.seconds() > BACK + 1.0 and not asks:
+            asks.append(engine.seconds())
+            engine.vehicles[0].requests.switch("up", Requester.FLOW)
+
+    own, opened = driver("pilot lands")
+    asks = []
+    other = vehicle("b", [up("hold"), hold(8.0, "down"), down()], start=(1.0, 0.0, 0.0))
+    mine = flight(own, start=(-1.0, 0.0, 0.0))
+    _flown, told = run(mine, other, observers=(ask,))
+    after = [what for time, what in opened[0].calls if time > BACK + 0.1]
+    assert "arm" not in after
+    assert path(told, "a") == ["up", "hold", "landed"]
+    [refused] = named(told, "switch_refused")
+    assert refused.fields["reason"] == "somebody else has control, until `operator.resume`"
+
+
+class Guest(Autopilot):
+    """Somebody arms it once it has landed."""
+
+    def read(self, now):
+        measured = super().read(now)
+        resting = self.calls and self.calls[-1][1] == "rest"
+        if resting and now / NS - self.calls[-1][0] < 0.1:
+            self.armed, self.override = True, PILOT
+        return measured
+
+    def send(self, command, now):
+        if self.override is None:
+            super().send(command, now)
+
+
+def test_a_run_ends_though_somebody_armed_the_vehicle_after_it(run):
+    own = wrapped(lambda _, link: Guest(link, "slow"))
+    flown, told = run(flight(own, 1.0))
+    assert path(told, "a") == ["up", "hold", "down", "landed"]
+    assert flown.summary["sim_time_s"] < 30.0
+    assert flown.exit_code == 0

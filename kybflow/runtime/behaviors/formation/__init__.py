@@ -6,7 +6,7 @@ takes which place (`kybflow.flight.formation.places`), and all glide to their pl
 time. From then on each member moves its own copy of the formation's frame, by hand, along a path or
 behind a leader, and lets it drift towards the copies that its neighbours publish
 (`kybflow.flight.formation.frame`). No member commands the others. A member that enters while others
-are in formation takes a free place by a path around the others (`kybflow.flight.formation.ways`),
+are in formation takes a free place by a path around the others (`kybflow.flight.formation.frame`),
 and joins them on the way to their next corner. A member that changes to another state with the same
 formation keeps its place.
 
@@ -44,12 +44,17 @@ from kybflow.core.units import (
     Position,
     Speed,
 )
-from kybflow.flight.formation import places, shapes
-from kybflow.flight.formation.frame import Asked, FrameLimits, MovingFrame, distance_error, moved
-from kybflow.flight.formation.taken_places import TakenPlaces, seen_from
-from kybflow.flight.formation.ways import WayToPlace
-from kybflow.flight.motion import Motion, motion_of
-from kybflow.flight.profiles import STEEPEST, smoothstep
+from kybflow.flight.formation import places
+from kybflow.flight.formation.frame import (
+    Asked,
+    FrameLimits,
+    MovingFrame,
+    WayToPlace,
+    distance_error,
+    moved,
+)
+from kybflow.flight.formation.places import TakenPlaces, seen_from
+from kybflow.flight.motion import STEEPEST, Motion, motion_of, smoothstep
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, Objection, param, params
 from kybflow.parts.behavior import SPEED_SHARE
 from kybflow.runtime.behaviors._hand import was_held
@@ -391,7 +396,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         if isinstance(self._drive, ByHand):
             formed = [m for m in self._members.but_own(team) if m.name in team.placed]
             known = [tick.known(), *(m.estimate for m in formed if m.estimate is not None)]
-            velocity = shapes.centroid(tuple(one.velocity for one in known))
+            velocity = places.centroid(tuple(one.velocity for one in known))
             self.push = self._drive.felt(velocity, self._frame, limits)
 
     def _say(self, tick: Tick, place: int, point: Vec3, frame: MovingFrame) -> None:
@@ -406,7 +411,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         team = context.groups.get(params.members, ())
         if context.vehicle not in team:
             return
-        wrong = None if params.points else shapes.objection(params.shape, len(team))
+        wrong = None if params.points else places.objection(params.shape, len(team))
         if wrong is not None:
             hint = "choose another shape, or write `points` of your own"
             yield Objection("shape", f"doesn't fit `{params.members}`: {wrong}", hint)
@@ -417,7 +422,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             yield Objection("points", reason, "add places")
             return
         widest = 2.0 * max(hull_of(context.diameters.get(name, 0.0)) for name in team)
-        apart = shapes.closest(shape)
+        apart = places.closest(shape)
         if apart <= widest:
             parameter = "points" if params.points else "side"
             reason = f"puts two places {apart:.3g} m apart, and a vehicle is {widest:.3g} m wide"
@@ -452,7 +457,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
 
 
 def _shape(params: FormationParams, count: int) -> tuple[Vec3, ...]:
-    return params.points or shapes.places_of(params.shape, params.side, count)
+    return params.points or places.places_of(params.shape, params.side, count)
 
 
 def _drive(params: FormationParams, entry: Entry) -> Drive:

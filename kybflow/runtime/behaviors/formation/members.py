@@ -8,7 +8,7 @@ its place, because its estimate jumped, the wind blows it away, or something hol
 A member first comes to rest and waits. When all members have come, each computes from the same
 messages how the shape is laid out and who takes which place (`kybflow.flight.formation.places`).
 Members that come while others are already in formation share the free places among themselves, and
-fly there on paths around the others (`kybflow.flight.formation.ways`).
+fly there on paths around the others (`kybflow.flight.formation.frame`).
 
 All members receive the same messages from the team, including their own. Everything that all of
 them derive from these messages is a `Team`, which is computed only once a tick and shared; each
@@ -26,8 +26,7 @@ from kybflow.core.events import BehaviorEvent
 from kybflow.core.geometry import ZERO, Vec3, add, distance, scale
 from kybflow.core.signals import NS, Estimate, NeighbourState, Stamp, Tick, Time
 from kybflow.flight.formation import places
-from kybflow.flight.formation.frame import MovingFrame, longest, mean_frame, mean_heading
-from kybflow.flight.formation.ways import clear_way
+from kybflow.flight.formation.frame import MovingFrame, clear_way, longest, mean_frame, mean_heading
 from kybflow.flight.motion import Coast, Motion
 from kybflow.runtime.behaviors.formation.room import FormationRoom, FormationRoomParams
 

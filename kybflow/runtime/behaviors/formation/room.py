@@ -11,9 +11,9 @@ from kybflow.core.params import param, params
 from kybflow.core.signals import Tick, Time
 from kybflow.core.units import Length
 from kybflow.flight.avoidance.clearance import Surface, reach_of, walls
-from kybflow.flight.avoidance.obstacles import Obstacles, grown
+from kybflow.flight.avoidance.surroundings import Obstacles, grown
 from kybflow.flight.formation.frame import MovingFrame
-from kybflow.flight.formation.taken_places import TakenPlaces
+from kybflow.flight.formation.places import TakenPlaces
 from kybflow.parts import Objection
 from kybflow.world.shapes import Box, Shape, Sphere, around
 from kybflow.world.vehicle_context import VehicleContext

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, from_euler, rotate_back
 from kybflow.core.signals import NS, Estimate, Imu, Time
-from kybflow.flight.disturbance import LARGEST, SHAKEN, WASHOUT, DisturbanceObserver
+from kybflow.flight.force_estimates import LARGEST, SHAKEN, WASHOUT, DisturbanceObserver
 from kybflow.world.vehicle_context import Airframe
 
 FRAME = Airframe(

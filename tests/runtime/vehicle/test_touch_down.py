@@ -8,7 +8,7 @@ import pytest
 
 from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import NS, Estimate
-from kybflow.runtime.safety.landing import LONG, TouchDown
+from kybflow.runtime.vehicle.touch_down import LONG, TouchDown
 from kybflow.world.shapes import Box, Cylinder, Plane, Sphere
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 

@@ -11,7 +11,7 @@ from part_bench import DT, at_rest, entry
 
 from kybflow.core.geometry import ZERO, Vec3, add, distance, norm, scale, sub
 from kybflow.core.signals import NS, Setpoint, SetpointKind
-from kybflow.runtime.safety.hold import Hold, SetpointBlend
+from kybflow.runtime.vehicle.hold import Hold, SetpointBlend
 
 HERE = (0.0, 0.0, 1.0)
 STEP = round(DT * NS)

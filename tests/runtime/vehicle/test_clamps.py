@@ -13,7 +13,7 @@ from kybflow.dsl.plan import PartPlan, TransitionPlan
 from kybflow.flight.motion import Straight
 from kybflow.parts import AIR, Behavior, Entry
 from kybflow.runtime.events import Events
-from kybflow.runtime.safety.clamps import Clamps
+from kybflow.runtime.vehicle.control import Clamps
 
 TOP = 2.3
 """The fence's highest height less its margin, metres."""

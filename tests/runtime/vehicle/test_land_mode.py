@@ -14,8 +14,7 @@ from kybflow.core.errors import DriverError, Refused
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO
 from kybflow.core.signals import NS, Command, Reaction
 from kybflow.parts import Link
-from kybflow.runtime.vehicle.control import HANDED_OVER
-from kybflow.runtime.vehicle.link import LinkHealth, LinkOut
+from kybflow.runtime.vehicle.link import HANDED_OVER, LinkGuard, LinkOut
 
 AT = 6.0
 """When the failsafe lands the vehicle, seconds."""
@@ -93,7 +92,7 @@ def test_a_vehicle_lands_by_its_own_mode_and_is_sent_nothing_meanwhile(run):
 
     def look(engine):
         if engine.seconds() > AT + 0.1 and engine.vehicles[0].airborne:
-            commands.append(engine.vehicles[0]._output.sent)
+            commands.append(engine.vehicles[0].link_out.sent)
 
     flown, told = run(flight(own, LAND), observers=(look,))
     assert asked(opened) == ["land", "rest"]
@@ -178,9 +177,7 @@ def test_a_link_that_says_nothing_of_a_land_mode_refuses():
         def send(self, command, now):
             raise AssertionError
 
-    out = LinkOut(
-        flight(driver("lands")[0]), Plain(), LinkHealth("sim", lambda failure: None), None
-    )
+    out = LinkOut(flight(driver("lands")[0]), Plain(), LinkGuard("sim", lambda failure: None), None)
     with pytest.raises(Refused, match="no land mode"):
         out.land(0)
 

@@ -1,45 +1,40 @@
-"""Landing by the vehicle's own land mode, and judging whether a vehicle has touched down."""
+"""Whether a vehicle may take off where it is, and whether it has touched down."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from kybflow.core.errors import Refused
 from kybflow.core.signals import NS, Estimate, Time
-from kybflow.runtime.safety import take_off_tolerance
 from kybflow.world.ground import height_in_the_air
 from kybflow.world.vehicle_context import VehicleContext
 
-TIMEOUT, SLOWEST = 10.0, 0.2
-"""A landing may take `TIMEOUT` seconds plus the height divided by `SLOWEST` (m/s)."""
+START_TOLERANCE = 0.25
+WIDEST = 2.0
+SPREADS = 3.0
+
+
+def allowed_distance(estimate: Estimate) -> float:
+    """Return the largest distance (m) of an estimate from the declared start before take-off:
+
+        allowed = max(25 cm, min(3 spread, 2 m))
+
+    It grows with the spread, because GPS alone is less accurate than motion capture.
+    """
+    return max(START_TOLERANCE, min(SPREADS * estimate.spread, WIDEST))
+
+
+def said_distance(estimate: Estimate) -> str:
+    """Return a description of the allowed distance, for a message."""
+    metres = allowed_distance(estimate)
+    if metres <= START_TOLERANCE:
+        return f"{metres:.2f} m allowed"
+    why = "the most" if metres >= WIDEST else f"{SPREADS:g} times its spread"
+    return f"{metres:.2f} m allowed, {why}"
+
+
 UNCHARTED = 1.0
 LONG: Time = 5 * NS
 STILL = 0.03
 BREAK: Time = NS // 10
 """Time without a claim after which the next claim starts a new series."""
-
-
-class LandMode:
-    """A landing by the vehicle's own land mode. The failsafe prefers it for the reaction `land`,
-    and for `land_blind` if the mode needs no position.
-
-    The autopilot lands by its own estimate, while the runtime sends no commands and requests the
-    mode in every tick. If the vehicle refuses or leaves the mode, or has not landed in time (10 s
-    plus its height at 0.2 m/s), the state `auto_land` or `land_blind` lands it. land: the link's
-    method that requests the mode. height: the vehicle's height above the expected ground (m).
-    """
-
-    def __init__(self, land: Callable[[Time], bool], now: Time, height: float) -> None:
-        self._land = land
-        self._timeout = TIMEOUT + max(height, 0.0) / SLOWEST
-        self._until = now + round(self._timeout * NS)
-
-    def has_landed(self, now: Time) -> bool:
-        """Request the land mode, once a tick; return whether the vehicle has landed. Raises Refused
-        if the vehicle refuses or has not landed in time."""
-        if now > self._until:
-            raise Refused(f"it has not landed within {self._timeout:.0f} s")
-        return self._land(now)
 
 
 class TouchDown:
@@ -63,7 +58,7 @@ class TouchDown:
         self, context: VehicleContext, expected: tuple[float, ...] = (), off: float = 0.0
     ) -> None:
         self._context, self._expected = context, expected
-        self._off = min(max(off, 0.0), take_off_tolerance.LEAST)
+        self._off = min(max(off, 0.0), START_TOLERANCE)
         self._since: Time = 0
         self._last: Time | None = None
         self._refused: Time | None = None
@@ -88,8 +83,8 @@ class TouchDown:
         return f"its estimate has it {above:.2f} m above the ground"
 
     def _is_still(self, height: float, now: Time, is_pushed: bool) -> bool:
-        """Return whether the claim has lasted for `LONG` at a constant height, although the vehicle
-        is commanded to descend."""
+        """Return whether the vehicle has claimed for `LONG` to be on the ground, at a constant
+        height although it is commanded to descend."""
         last, self._last = self._last, now
         if (
             not is_pushed

@@ -3,6 +3,7 @@ velocity is right while something pushes."""
 
 from __future__ import annotations
 
+import random
 from math import cos, degrees, radians, sin
 
 import pytest
@@ -17,12 +18,18 @@ from kybflow.core.geometry import (
     conjugate,
     from_euler,
     from_thrust_direction,
+    integrate,
     multiply,
     rotate_back,
     tilt_of,
 )
 from kybflow.core.signals import NS, Estimate, Imu, Pose
-from kybflow.runtime.estimators._felt_force import MOST
+from kybflow.runtime.estimators._mocap_imu import (
+    LARGEST_ANGLE,
+    LARGEST_OFFSET,
+    ImuSums,
+    StampOffset,
+)
 from kybflow.runtime.estimators.mocap import Mocap, MocapParams
 
 RADIUS, RATE = 0.7, 1.2
@@ -71,7 +78,9 @@ def test_what_the_accelerometer_is_wrong_by_is_taken_for_an_angle() -> None:
 
 
 def test_an_accelerometer_that_is_far_off_turns_nothing_further_than_a_lab_is_wrong() -> None:
-    assert tilt_error(LEVEL, 12.0, bias=(1.5, 0.0, 0.0)) == pytest.approx(degrees(MOST), abs=0.2)
+    assert tilt_error(LEVEL, 12.0, bias=(1.5, 0.0, 0.0)) == pytest.approx(
+        degrees(LARGEST_ANGLE), abs=0.2
+    )
     assert tilt_error(LEVEL, 12.0, bias=(0.0, 0.0, 6.0)) < 0.1
 
 
@@ -123,3 +132,58 @@ def test_after_a_gap_in_the_poses_what_was_felt_meanwhile_does_not_count() -> No
         estimate = estimator.update((felt,) if lost else (felt, Pose(now, ZERO, LEVEL)), now)
     assert estimate is not None
     assert degrees(tilt_of(estimate.attitude)) < 0.1
+
+
+SAMPLE = 0.001
+TICK = 4
+TURNED = from_euler(0.02, -0.03, 0.02)
+
+
+def rates(t: float) -> Vec3:
+    return (0.2 * sin(2.0 * t), 0.15 * cos(3.1 * t), 0.1 * sin(0.7 * t))
+
+
+def found(
+    offset: float, seconds: float = 20.0, still: bool = False, noise: float = 0.1, gap: float = 0.0
+) -> float:
+    """What is found of an offset, seconds. Poses are 8 ms old, every 8 ms. gap: poses are lost for
+    so long in the middle, and the vehicle is another one afterwards."""
+    chance, sums = random.Random(1), ImuSums(0.0)
+    clock = StampOffset(20.0, sums)
+    truth: list[Quat] = [LEVEL]
+    mean = ZERO
+    for step in range(1, round(seconds / SAMPLE)):
+        now = round(step * SAMPLE * NS)
+        w = ZERO if still else rates((step - 0.5) * SAMPLE)
+        truth.append(integrate(truth[-1], w, SAMPLE))
+        mean = tuple(a + b / TICK for a, b in zip(mean, w, strict=True))  # type: ignore[assignment]
+        if step % TICK:
+            continue
+        drift = tuple(a + 0.003 for a in mean)
+        sums.take(Imu(now, TICK * SAMPLE, (0.0, 0.0, 9.81), drift))  # type: ignore[arg-type]
+        mean = ZERO
+        if step % 8 or step < 100 or 0.0 < step * SAMPLE - 0.5 * seconds < gap:
+            continue
+        x, y, z = (chance.gauss(0.0, radians(noise)) for _ in range(3))
+        seen = integrate(multiply(truth[step - 8 - round(offset / SAMPLE)], TURNED), (x, y, z), 1.0)
+        if gap and step * SAMPLE > 0.5 * seconds:
+            seen = multiply(from_euler(0.0, 0.0, 1.0), seen)
+        clock.look(now - round(8 * SAMPLE * NS), seen)
+    return clock.seconds
+
+
+@pytest.mark.parametrize("offset", [-0.005, 0.0, 0.002, 0.008])
+def test_it_is_found_to_a_millisecond_whatever_the_body_is_turned_by(offset: float) -> None:
+    assert found(offset) == pytest.approx(offset, abs=0.001)
+
+
+def test_who_never_turns_tells_nothing() -> None:
+    assert found(0.008, still=True) == pytest.approx(0.0, abs=0.0005)
+
+
+def test_it_is_never_more_than_a_clock_may_be_off() -> None:
+    assert found(0.06, noise=0.0) == pytest.approx(LARGEST_OFFSET)
+
+
+def test_a_gap_and_another_heading_after_it_are_no_offset() -> None:
+    assert found(0.005, gap=0.6) == pytest.approx(0.005, abs=0.001)

@@ -7,7 +7,7 @@ from part_bench import estimate
 
 from kybflow.core.signals import NS, Alarm, Event, Reaction, Tick
 from kybflow.runtime.events import Events
-from kybflow.runtime.safety.failsafe import SEEN, Failsafe, RaisedAlarm
+from kybflow.runtime.vehicle.failsafe import SEEN, Failsafe, RaisedAlarm
 
 LOST = Alarm("estimate_lost", Reaction.LAND_BLIND, "none")
 TILTED = Alarm("tilted", Reaction.LAND_BLIND, "80 deg")

@@ -26,7 +26,7 @@ from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext
 
 if TYPE_CHECKING:
-    from kybflow.flight.loops.response import OuterLoop
+    from kybflow.flight.loops.position_loop import OuterLoop
     from kybflow.flight.pose_gate import Refusal
     from kybflow.vision.locating.locator import Sighting
 
@@ -55,7 +55,8 @@ class Estimator(Part[P]):
 
     @classmethod
     def uses(cls, params: P) -> frozenset[MeasurementKind]:
-        """Return the kinds of `needs` that are needed with these parameters."""
+        """Return those kinds of measurement in `needs` that the part requires with these
+        parameters."""
         return cls.needs
 
     @abstractmethod

@@ -12,8 +12,7 @@ from typing import Literal
 
 from kybflow.core.geometry import ZERO, Vec3, add, norm, scale, sub
 from kybflow.core.signals import NS, Setpoint, SetpointKind, Time
-from kybflow.flight.motion import IDLE, Coast, Motion, Straight, Turn
-from kybflow.flight.profiles import STEEPEST, smoothstep
+from kybflow.flight.motion import IDLE, STEEPEST, Coast, Motion, Straight, Turn, smoothstep
 from kybflow.parts import Entry
 
 Holder = Literal["brake", "pause", "pilot"]
@@ -102,7 +101,9 @@ class SetpointBlend:
     def __init__(self, now: Time, followed: Setpoint | None, asked: Setpoint) -> None:
         before = followed or asked
         self._began = now
-        self._gap, self._excess = _between(before.position, asked.position), ZERO
+        self._gap = self._excess = ZERO
+        if before.position is not None and asked.position is not None:
+            self._gap = sub(before.position, asked.position)
         if asked.velocity is not None:
             self._excess = sub(before.velocity or ZERO, asked.velocity)
         self._span = _span(self._excess)
@@ -153,7 +154,3 @@ def _meeting(goal: Setpoint) -> Vec3 | None:
     if goal.position is None or goal.velocity is None:
         return goal.position
     return add(goal.position, scale(goal.velocity, 0.5 * _span(goal.velocity)))
-
-
-def _between(before: Vec3 | None, asked: Vec3 | None) -> Vec3:
-    return sub(before, asked) if before is not None and asked is not None else ZERO
