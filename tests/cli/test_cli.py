@@ -198,11 +198,11 @@ def test_an_event_that_cannot_be_given_is_refused_before_anything_is_written(
 
 
 def test_events_are_given_while_it_flies(tmp_path: Path) -> None:
-    words = ("--emit", "operator.land@6s", "--emit", "operator.pause@ 5.5", "--no-report")
+    words = ("--emit", "operator.land@6s", "--emit", "operator.pause@ 5.4", "--no-report")
     result = invoke("run", FIRST, "--out", str(tmp_path), *words)
     told = events_in(tmp_path)
     given = [(e["event"], e["t_s"]) for e in told if e["event"].startswith("operator.")]
-    assert given == [("operator.pause", 5.5), ("operator.land", 6.0)]
+    assert given == [("operator.pause", 5.4), ("operator.land", 6.0)]
     assert result.exit_code in (0, 1)
 
 
@@ -230,7 +230,7 @@ def test_a_run_is_flown_again_with_the_commands_of_its_record(tmp_path: Path) ->
     run_before = earlier(
         tmp_path / "before",
         command_given(2.0, command="pause", by="command line", accepted=True),
-        command_given(2.504, command="land", by="anna", heard_s=2.5, accepted=True),
+        command_given(2.408, command="land", by="anna", heard_s=2.4, accepted=True),
     )
     words = ("--again", str(run_before), "--no-report", "--out", str(tmp_path / "run"))
     invoke("run", FIRST, *words)
@@ -239,7 +239,7 @@ def test_a_run_is_flown_again_with_the_commands_of_its_record(tmp_path: Path) ->
     given = [e for e in events_in(tmp_path / "run") if e["event"] == "command_given"]
     assert [(e["t_s"], e["fields"]["command"], e["fields"]["by"]) for e in given] == [
         (2.0, "pause", "command line"),
-        (2.5, "land", "anna"),
+        (2.4, "land", "anna"),
     ]
 
 

@@ -115,7 +115,9 @@ def test_a_vehicle_that_is_not_there_is_refused(options, told):
 
 @pytest.mark.parametrize("value", ["[", "", ",", "[mk", "[[mk]]", "{mk: mk}"])
 def test_half_a_list_of_names_is_no_empty_one(options, told, value):
-    with pytest.raises(OptionRefused, match=r"must be a list of names|never closed|nothing stands"):
+    with pytest.raises(
+        OptionRefused, match=r"must be a list of names|never closed|there is nothing"
+    ):
         options.set(OBSTACLES, value, by="test")
     assert told[-1].name == "option_refused"
 
@@ -142,14 +144,14 @@ def test_the_numbers_of_a_matrix_have_units(options) -> None:
     ("name", "value", "reason"),
     [
         (GAIN, "[[1, 0, 0], [0, 1, 0]]", "`[[...], ...]`, but this is a list of 2"),
-        (GAIN, "[[1, 0, 0]]", "`[[...], ...]`, but this is a list of 1"),
+        (GAIN, "[[1, 0, 0]]", "`[[...], ...]`, but this is a list with one element"),
         (GAIN, "[[1, 0], [0, 1, 0], [0, 0, 1]]", "3 rows of 3 numbers, but this is a row of 2"),
         (GAIN, [[1, 0, 0], [0, 1, 0], [0, 0, 1, 0]], "of 3 numbers, but this is a row of 4"),
-        (GAIN, "[[1, 0, 0], [0, , 0], [0, 0, 1]]", "nothing stands before this `,`"),
-        (GAIN, "1", "`[[...], ...]`, but this is a list of 1"),
-        (GAIN, 1.0, "`[[...], ...]`, but this is a number `1.0`"),
-        (GAIN, [1.0, 0.0, 0.0], "must be 3 rows of 3 numbers, but this is a number `1.0`"),
-        (GAIN, None, "must be 3 rows of 3 numbers, `[[...], ...]`, but this is text `None`"),
+        (GAIN, "[[1, 0, 0], [0, , 0], [0, 0, 1]]", "there is nothing before this `,`"),
+        (GAIN, "1", "`[[...], ...]`, but this is a list with one element"),
+        (GAIN, 1.0, "`[[...], ...]`, but this is the number `1.0`"),
+        (GAIN, [1.0, 0.0, 0.0], "must be 3 rows of 3 numbers, but this is the number `1.0`"),
+        (GAIN, None, "must be 3 rows of 3 numbers, `[[...], ...]`, but this is the text `None`"),
         (GAIN, [[1, 0, 0], [0, None, 0], [0, 0, 1]], "`None` is not a number"),
         (GAIN, [[1, 0, 0], [0, [1], 0], [0, 0, 1]], "a number is needed, but this is a list"),
         (GAIN, "[[1, 0, 0], [0, one, 0], [0, 0, 1]]", "`one` is not a number"),

@@ -14,6 +14,7 @@ from kybflow.core.units import ANGLE, FORCE, MASS, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import footprints, the_limit, values_of
 from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
+from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.plan import Body, StatePlan, VehiclePlan
 from kybflow.parts import GROUND
 from kybflow.world.plausible import Implausible, of_airframe, of_parcel
@@ -68,12 +69,12 @@ def too_fast(case: Case) -> Iterator[Diagnostic]:
         way = "climbs" if any(leg.start is GROUND for leg in legs) else "descends"
         if footprint.speed <= limit + _ROUNDING:
             continue
-        most, is_written = format_quantity(limit, SPEED), state.behavior.is_written("speed")
+        most, is_written = quantity(limit, SPEED), state.behavior.is_written("speed")
         yield Diagnostic(
             "KYB314",
             f"`{state.name}` {way if is_climb else 'flies'} faster than `{vehicle.name}` can",
             state.behavior.span_of("speed"),
-            label=f"reaches {format_quantity(footprint.speed, SPEED)}",
+            label=f"reaches {quantity(footprint.speed, SPEED)}",
             notes=(
                 f"its airframe {'climbs and descends' if is_climb else 'flies'} at {most} at most",
                 *((f"fastest at {origin.fastest}",) if origin is not None else ()),

@@ -41,15 +41,15 @@ def switches(flight):
     messages."""
     wire, sent = flight.link.wire, []
     flight.sent = sent
-    send = wire._send
+    send = wire.send
 
-    def counting(data, to):
+    def counting(data, to=None):
         number, command = (int.from_bytes(data[a:b], "little") for a, b in ((7, 10), (38, 40)))
         if (number, command) != (NUMBERS["COMMAND_LONG"], REQUEST):
             sent.append((flight.engine.seconds(), number))
         send(data, to)
 
-    wire._send = counting
+    wire.send = counting
     flight.pilot.give_to_pilot(SWITCH[flight.name][0])
 
 
