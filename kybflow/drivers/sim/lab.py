@@ -183,7 +183,8 @@ def lab(p: Any, airframe: Airframe, body: BuiltAirframe, generator: Any) -> Lab:
     """Draw the random lab of a vehicle. p: the vehicle's parameters from `as_flown`. body: the
     vehicle as built."""
     drag, jx, jy, jz, lag, stamps = generator.uniform(-1.0, 1.0, 6).tolist()
-    wrong, (ix, iy, iz) = p.loop_error, airframe.inertia
+    wrong = p.loop_error
+    ix, iy, iz = airframe.inertia
     believed = replace(
         airframe,
         inertia=(ix * (1.0 + wrong * jx), iy * (1.0 + wrong * jy), iz * (1.0 + wrong * jz)),

@@ -94,8 +94,8 @@ class CompiledStepper:
 
     def imu_samples(self, vehicle: int) -> list[Numbers]:
         """Return a vehicle's IMU sample of each step of the last `advance`."""
-        samples: list[Numbers] = self._samples[self._first : self._last, vehicle].tolist()
-        return samples
+        samples = self._samples[self._first : self._last, vehicle].tolist()
+        return list(map(tuple, samples))  # compiled callers refuse lists
 
 
 def _fingerprint(laws: Sequence[Any]) -> str:
