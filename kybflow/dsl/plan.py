@@ -430,10 +430,11 @@ ActionPlan = Switch | SetOption | Enable | Emit | EnterPhase | Perform | LogText
 
 @record("action", least=1, others=AnyOf("value", kinds=("object", *SCALARS, "array")))
 class ActionKeys(Record):
-    """One action of a callback.
+    """One action of a callback, such as `{set: {a.speed: 1 m/s}}`.
 
-    name: the one key that is written. target, value: what the key contains; with `switch`, `set`
-    and `perform`, each target is a separate action. part: the action of a package.
+    name: the action's key, here `set`. target, value: what the key holds; with `switch`, `set` and
+    `perform`, each target is an action of its own. part: the part that implements the action, if an
+    installed package declares it.
     """
 
     name: str

@@ -26,11 +26,12 @@ _AXES = (("x", "#2f7ed8"), ("y", "#e07b26"), ("z", "#a55ec4"))
 
 @dataclass(frozen=True)
 class EstimatorStatistics:
-    """The errors of an estimator while the vehicle flew on it; None if it never did.
+    """The errors of an estimator while the vehicle flew on it; all but `share` are None if it never
+    did.
 
     share: the share of the vehicle's ticks. mean, p99, highest: of the position error, m. within:
-    the share of position errors within `CHI_95` spreads, without blended ticks. yaw_p99: rad.
-    age_mean, age_highest: s.
+    the share of position errors below `CHI_95` standard deviations, without the ticks in which an
+    offset from the estimator before was being removed. yaw_p99: rad. age_mean, age_highest: s.
     """
 
     share: float

@@ -104,8 +104,9 @@ def marks(run: Run, rows: Mapping[str, float]) -> list[dict[str, Any]]:
 
 
 def narrow_labels(visits: Sequence[StateVisit], end: float) -> tuple[dict[StateVisit, int], float]:
-    """Return (the level above the bar of each visit whose name doesn't fit inside, the height of
-    the levels in pixels). A name that fits on no level is left out."""
+    """Place the names that don't fit into their visit's bar on levels above the bars. Return each
+    such visit's level, and the height of all levels in pixels. A name that fits on no level is left
+    out."""
     each = _WIDTH / end
     free = [float("-inf")] * _LEVELS
     levels: dict[StateVisit, int] = {}

@@ -77,7 +77,7 @@ class DroneStatus:
 
     @property
     def follows(self) -> bool:
-        """Whether the drone follows moves."""
+        """Whether the drone obeys commands to move now."""
         return self.flies and self.phase in FOLLOWING
 
     @property

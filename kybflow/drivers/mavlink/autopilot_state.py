@@ -337,7 +337,7 @@ class LineCapacity:
         return {name: min(rate, max(factor * rate, SLOWEST)) for name, rate in rates.items()}
 
     def check(self) -> list[Check]:
-        """Return the preflight check of the line; none for a connection that is fast enough."""
+        """Return the preflight check of the serial line's data rate; none without a serial line."""
         if self.line is None:
             return []
         params = self._params

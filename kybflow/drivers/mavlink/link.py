@@ -298,8 +298,8 @@ Group = tuple[int, str | None]
 def open_session(
     seats: Sequence[Seat], opener: Callable[[str], Wire] = open_wire
 ) -> MavlinkSession:
-    """Open the wires and links of these seats. opener: opens the wire to an address. Raises
-    DriverError after closing everything again."""
+    """Open the wires to the autopilots of these vehicles, and their links. opener: opens the wire
+    to an address. If one can't be opened, closes the others and raises DriverError."""
     places: list[tuple[FirmwareProfile, str, int]] = []
     for number, seat in enumerate(seats, start=1):
         profile = profile_of(seat.params.autopilot)

@@ -39,7 +39,7 @@ class Wandering:
         self._now: Numbers = (0.0,) * len(deviations)
 
     def after(self, seconds: float) -> Numbers:
-        """Return the values of the processes, `seconds` after the last call."""
+        """Advance the random processes by `seconds`, and return their values."""
         keep = exp(-seconds / self._lasts)
         kick = sqrt(1.0 - keep * keep)
         moved = zip(self._now, self._deviations, next(self._noise), strict=True)

@@ -172,8 +172,8 @@ def too_heavy(case: Case) -> Iterator[Diagnostic]:
 
 
 def _meant_in_grams(frame: Airframe) -> str:
-    """Return the help line: to write grams, if the airframe can fly only with a thousandth of the
-    mass."""
+    """Return a hint for an airframe that is too heavy to fly: to write grams, if it could fly when
+    its mass is read as grams."""
     meant = replace(frame, mass=frame.mass / 1000.0)
     if _lifts(meant) and frame.mass >= 10.0:
         return f"write `mass: {frame.mass:g} g` if grams are meant"

@@ -135,9 +135,9 @@ def _holders(plan: Plan, flow: FlowPlan) -> dict[str, _Holders]:
 
 
 def _first(plan: Plan, flow: FlowPlan) -> _Holders:
-    """Return which flow controls each vehicle when `flow` begins. If a flow has no vehicles of its
-    own, it waits for them, and is certain to have a vehicle only if every flow that gives it
-    vehicles gives this one."""
+    """Return which flow controls each vehicle when `flow` begins. A flow without vehicles of its
+    own waits until others hand it some; it is certain to have a vehicle only if each of these
+    others hands over that vehicle."""
     own, had = _Holder(flow.name), own_vehicles(plan, flow)
     givers = [
         (other.name, {w.vehicle for w in given})

@@ -1,4 +1,5 @@
-"""Sensors besides the driver, and what they observe: KYB387, KYB388, KYB391 to KYB394."""
+"""Checks the sensors that a driver doesn't bring, and what they observe: KYB387, KYB388, KYB391 to
+KYB394."""
 
 from __future__ import annotations
 

@@ -246,8 +246,8 @@ def with_values(state: StatePlan, source: Source, values: Values) -> StatePlan:
 
 
 def entered_states(plan: Plan, asked: ValuedRequest) -> Iterator[tuple[str, StatePlan]]:
-    """Yield each requested vehicle with its state and the new values; nothing for values with
-    errors."""
+    """Yield each vehicle to which a request gives values, by name, with the requested state that
+    has these values; nothing for values with errors."""
     for name in plan.members(asked.who):
         vehicle = plan.fleet[name]
         state = vehicle.states.get(vehicle.goal(asked.request.state))

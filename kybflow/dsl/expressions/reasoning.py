@@ -96,8 +96,8 @@ def physical_bounds(
     their envelopes: no speed or distance is negative, no ratio is above one, no time is longer than
     the run.
 
-    there: the envelopes of the vehicles. at_first: the bounds in the first tick; they also bound
-    the minimum and maximum over the whole run.
+    there: the envelopes of the vehicles. at_first: the bounds of values in the first tick: the
+    minimum over a run is at most its first value, and the maximum at least.
     """
 
     def bounds(value: object) -> tuple[float, float]:

@@ -79,8 +79,8 @@ class Exports:
         return written
 
     def section(self, section: str) -> Mapping | None:
-        """Return a section of the file itself with complete entries; None if the file doesn't have
-        it."""
+        """Return a section that this file itself has, its entries completed by what they are
+        `like`; None if the file has no such section."""
         written = self.root.entries.get(section)
         if written is None:
             return None

@@ -130,8 +130,8 @@ class FeltForce:
     def look(
         self, time: Time, velocity: Vec3, attitude: Quat, rates: Vec3, slope: tuple[float, float]
     ) -> None:
-        """Process the estimated motion at the time of a new pose. attitude: the corrected attitude.
-        slope: the horizontal acceleration that follows from it, m/s^2."""
+        """Learn from the estimated motion at the time of a new pose. attitude: the corrected
+        attitude. slope: the horizontal acceleration that follows from it, m/s^2."""
         gx, gy = slope
         hx, hy = self._slopes
         self._poses, self._slopes = self._poses + 1, (gx + hx, gy + hy)
@@ -213,7 +213,7 @@ class StampOffset:
         self._product = self._square = 0.0
 
     def look(self, time: Time, seen: Quat) -> None:
-        """Process the attitude of a new pose. time: its uncorrected stamp."""
+        """Learn from the attitude of a new pose. time: its uncorrected stamp."""
         self._poses += 1
         if self._poses < EVERY:
             return

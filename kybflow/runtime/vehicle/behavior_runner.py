@@ -165,7 +165,8 @@ class BehaviorRunner:
         self.machine.enter_built_in(goal)
 
     def reset(self) -> None:
-        """Forget where the vehicle landed and leave `fault`, because a person has checked it."""
+        """Leave the state `fault`, and forget the place of landing: a person has checked the
+        vehicle."""
         self.resting_place = None
         if self.machine.state == FAULT:
             self.enter_built_in(LANDED)

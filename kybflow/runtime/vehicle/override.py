@@ -83,8 +83,8 @@ class ArmingWatch:
         self._reported = self._forced = False
 
     def update(self, tick: Tick, armed: bool) -> bool:
-        """Compare in this tick; return whether the vehicle was found to have disarmed in the air.
-        armed: whether the vehicle reports itself armed."""
+        """Compare the vehicle's report with the command in this tick; return whether the vehicle
+        was found to have disarmed in the air. armed: whether it reports itself armed."""
         if armed is self._link.sent.armed:
             self._since = self._stands = None
             known = tick.estimate

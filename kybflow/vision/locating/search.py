@@ -236,8 +236,8 @@ def _fine(
 
 
 def _lines(shift: Array, mass: Array) -> tuple[Array, Array]:
-    """Fit a line to the shifts of each side's profiles, and return its values at both ends of the
-    side."""
+    """Fit a line to the shifts of an edge along each side of a tag, one shift for each profile of
+    brightness across the side, and return the line's values at both ends of the side."""
     weights = mass / numpy.maximum(mass.max(axis=-1, keepdims=True), 1e-9)
     for again in (True, False):
         s0, s1, s2 = (weights @ ALONG**k for k in (0, 1, 2))

@@ -173,8 +173,8 @@ def _near(floor: Floor, shot: Shot, met: Array) -> list[Sheet]:
 
 
 def _region(sheet: Sheet, shot: Shot, met: Array) -> Region | None:
-    """Return the region in which the nodes see a tag some of whose corners the lens can't image;
-    None if they don't see it."""
+    """Return the pixels that a tag covers if the lens can't image some of its corners, from the
+    rays through the nodes of the view's grid; None if no ray hits it."""
     nodes = grid(shot.camera.lens, _FINE)
     if sheet.plane is not FLOOR:
         met = shot.meet(nodes, sheet.plane)[..., :2]

@@ -96,9 +96,9 @@ PUSH, GROWTH, HARDEST = 1.5, 0.5, 4.0
 
 
 class LiftOff:
-    """The lift-off of one vehicle: holds back commands that would keep it on the ground, for at
-    most `LIFTS`. hold: returns the command that holds the vehicle still at its position, None while
-    that is unknown."""
+    """Lets one vehicle lift off: withholds commands that would keep it on the ground, for at most
+    `LIFTS` nanoseconds. hold: returns the command to stay at the vehicle's present position, None
+    while the position is unknown."""
 
     def __init__(self, hold: Callable[[], Command | None]) -> None:
         self._hold = hold

@@ -177,7 +177,7 @@ class _Fall:
         self._released = (now, self._place(vehicle), add(vehicle.velocity, along))
 
     def position(self, vehicle: Truth, now: Time) -> Vec3:
-        """Return the position of the parcel's centre."""
+        """Return the true position of the centre of the vehicle's payload."""
         if self._is_on_board:
             return self._place(vehicle)
         if self._released is None:
