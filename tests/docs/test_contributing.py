@@ -89,5 +89,5 @@ def test_a_check_is_one_file_and_its_page(copy: Path):
     assert "warning[KYB119]: the vehicle `up` has the name" in names.read_text(encoding="utf-8")
     [command] = re.findall(r"kybflow (explain --write [\w/.]+)", text)
     do(copy, "kybflow", *command.split())
-    tests = ["tests/dsl/test_literate.py", "tests/dsl/test_codes.py", "tests/dsl/test_explain.py"]
+    tests = ["tests/dsl/test_literate.py", "tests/dsl/test_explain.py"]
     do(copy, "pytest", "-q", "-k", "KYB119 or codes or explain", *tests)
