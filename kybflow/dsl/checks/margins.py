@@ -121,7 +121,9 @@ def _way_out(loop: _Closed, bound: Margins) -> str:
         return f"write at most `observer: {quickest_observer(outer, inner, bound):g} Hz`"
     gains = designed(outer, inner)
     if not holds(margins_of(outer.with_gains(*gains), inner), PLANNED):
-        return "no gains suit this attitude loop: make it respond faster"
+        return (
+            "no gains suit this attitude loop: raise the airframe's `attitude_gain` and `rate_gain`"
+        )
     if outer.stiffness is not None:
         k, d, i = (f"{gain:.3g}" for gain in gains)
         start = f"[[{k}, 0, 0], [0, {k}, 0], [0, 0, {k}]]"

@@ -403,7 +403,7 @@ def _way_out(fault: SchemaViolation, types: list[str]) -> str:
     if name in CONDITIONS:
         return "write a condition, like `state.altitude > 1 m`"
     if name == "log" and isinstance(node, Mapping):
-        return "write a text that has braces in quotes"
+        return "if it is a text, write it in quotes: braces mean a mapping"
     if isinstance(node, Scalar):
         if "object" in types and missing_colon(node.text):
             return missing_colon(node.text)

@@ -362,14 +362,17 @@ def _path_of(node: Scalar, _: Field, found: Findings) -> FilePath | None:
     return None
 
 
+_INSIDE = "move it into the folder of the file that names it, or below"
+
+
 def _read(name: str, folder: Path, errors: str) -> File:
     """Read a file. errors: how to decode bytes that are not UTF-8, as in `bytes.decode`. Raises
     FileError."""
-    hint = "name a file beside or below the one that names it"
+    hint = "create it, or correct its path, which begins in the folder of the file that names it"
     try:
         path = Path(os.path.realpath(folder / name))
         if Path(name).is_absolute() or not path.is_relative_to(os.path.realpath(folder)):
-            raise FileError(f"`{name}` is outside of the mission's folder", hint=hint)
+            raise FileError(f"`{name}` is outside of the mission's folder", hint=_INSIDE)
         if not stat.S_ISREG(path.stat().st_mode):
             raise FileError(f"`{name}` is not a file", hint=hint)
         with path.open("rb") as stream:

@@ -119,7 +119,9 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
             yield Objection("vehicle", "is the vehicle itself", "name another")
         elif norm(params.offset) < params.clearance:
             reason = f"is {norm(params.offset):.3g} m, closer than `clearance`"
-            yield Objection("offset", reason, f"stay {params.clearance:.3g} m away, or say less")
+            yield Objection(
+                "offset", reason, f"write at least {params.clearance:.3g} m, or less `clearance`"
+            )
         unheard, apart = params.speed * params.freshness, norm(params.offset)
         if unheard > apart > 0.0:
             reason = f"lets a silent vehicle be {unheard:.3g} m off, which is {apart:.3g} m away"

@@ -438,8 +438,8 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
     def _doubts(cls, params: FormationParams, context: VehicleContext) -> Iterator[Objection]:
         unheard = params.speed * params.freshness
         if unheard > params.doubt:
-            reason = f"lets a silent member be {unheard:.3g} m off, more than `doubt`"
-            hint = f"{params.doubt / params.speed:.2g} s is as much as `doubt` allows"
+            reason = f"lets a member that falls silent stray {unheard:.3g} m, more than `doubt`"
+            hint = f"write at most {params.doubt / params.speed:.2g} s, or a larger `doubt`"
             yield Objection("freshness", reason, hint, is_doubt=True)
         yield from within_the_rotors(params, context)
 

@@ -44,7 +44,7 @@ def within_the_rotors(p: FormationRoomParams, context: VehicleContext) -> Iterat
     reach = context.airframe.rotor_radius
     if p.clearance <= reach:
         reason = "is within the rotors"
-        yield Objection("clearance", reason, f"they reach {reach:.3g} m", is_doubt=True)
+        yield Objection("clearance", reason, f"write more than {reach:.3g} m", is_doubt=True)
 
 
 class FormationRoom:
