@@ -1,6 +1,6 @@
 """Everything a vehicle knows: measurements of its link and sensors ─► monitors ─► estimate.
 
-This module only receives; `output` sends.
+This module only receives; `LinkOut` sends.
 """
 
 from __future__ import annotations
