@@ -27,30 +27,31 @@ STAGES = (
 )
 BUDGET = {
     1: {
-        "simulator": 4552,
-        "engine and vehicle": 1708,
-        "tracker": 1822,
-        "estimator": 1095,
-        "processors": 320,
-        "behavior": 342,
-        "recorder": 265,
-        "supervisors": 104,
+        "simulator": 8508,
+        "engine and vehicle": 1963,
+        "tracker": 1871,
+        "estimator": 1866,
+        "processors": 332,
+        "behavior": 348,
+        "recorder": 323,
+        "supervisors": 182,
     },
     8: {
-        "simulator": 4241,
-        "engine and vehicle": 1538,
-        "tracker": 1822,
-        "estimator": 1095,
-        "processors": 320,
-        "behavior": 342,
-        "recorder": 262,
-        "supervisors": 135,
+        "simulator": 8065,
+        "engine and vehicle": 1775,
+        "tracker": 1871,
+        "estimator": 1859,
+        "processors": 332,
+        "behavior": 348,
+        "recorder": 318,
+        "supervisors": 231,
     },
 }
-"""Bytecodes a vehicle and tick, by the number of vehicles, in a plain install. The simulator's are
-a third rotors and IMU, which MuJoCo no longer computes, and a quarter a lab: what its air does,
-filters, delays and vibration. The tracker has a disturbance observer, for which the IMU is read and
-recorded, and by which the estimator levels and times its poses."""
+"""Bytecodes a vehicle and tick, by the number of vehicles, in a plain install, at 125 ticks and
+500 physics steps a second. The simulator's are a third rotors and IMU, which MuJoCo does not
+compute, and a quarter the lab: what its air does, filters, delays and vibration. The tracker has a
+disturbance observer, for which the IMU is read and recorded, and by which the estimator levels and
+times its poses."""
 
 
 @needs_repeatable_counts

@@ -786,7 +786,7 @@ class Plan(Shared):
     )
     mission: Annotated[str, TITLE] = key("Its name.")
     control: Frequency | None = key(
-        "Control rate, a whole number of Hz; unless said 250 Hz, or 100 Hz where every vehicle is"
+        "Control rate, a whole number of Hz; unless said 125 Hz, or 100 Hz where every vehicle is"
         " on an autopilot that takes at most 50 set-points a second.",
         default=None, above=0.0,
     )  # fmt: skip

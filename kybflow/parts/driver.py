@@ -151,7 +151,7 @@ class Driver(Part[P]):
     def control_rate(cls, params: P) -> int:
         """Return the default control rate of the vehicles, Hz. A mission without `control` uses the
         highest rate of its vehicles."""
-        return 250
+        return 125
 
     @classmethod
     def step_rate(cls, params: P) -> float | None:

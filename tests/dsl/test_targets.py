@@ -140,8 +140,8 @@ def test_the_trackers_of_a_target(tmp_path: Path) -> None:
     [
         ("{use: emulated_autopilot}", 100),
         ("{use: emulated_autopilot, physics: 1000 Hz}", 100),
-        ("{use: emulated_autopilot, physics: 250 Hz}", 250),
-        ("{use: emulated_autopilot, physics: 250 Hz, rate: 10 Hz}", 250),
+        ("{use: emulated_autopilot, physics: 250 Hz}", 125),
+        ("{use: emulated_autopilot, physics: 250 Hz, rate: 10 Hz}", 125),
     ],
 )
 def test_the_control_rate_that_nobody_wrote_falls_on_the_steps_of_every_vehicle(

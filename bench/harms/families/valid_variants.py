@@ -234,7 +234,7 @@ def the_other_fitting_tracker(mission: Mission) -> Changes:
     for vehicle in mission.own():
         if mission.at("tracker", of=vehicle.node) is None:
             yield change(add(vehicle.node, "tracker: {use: geometric}"))
-            if mission.word("like", of=vehicle.node) in {"std.mk_quadro", "std.nano_plus"}:
+            if mission.word("like", of=vehicle.node) == "std.nano_plus":
                 yield change(add(vehicle.node, "tracker: velocity"))
 
 
@@ -403,10 +403,10 @@ def a_time_limit(mission: Mission) -> Changes:
 
 
 @valid
-def a_slower_loop(mission: Mission) -> Changes:
-    """A control rate of 125 Hz in place of 250 Hz."""
+def a_faster_loop(mission: Mission) -> Changes:
+    """A control rate of 250 Hz in place of 125 Hz."""
     key = next(key for key, _ in mission.root.value if key.value == "vehicles")
-    yield change(Edit(key.start_mark.index, key.start_mark.index, "control: 125 Hz\n\n"))
+    yield change(Edit(key.start_mark.index, key.start_mark.index, "control: 250 Hz\n\n"))
 
 
 @valid

@@ -231,7 +231,7 @@ def provided(vehicle: VehiclePlan) -> frozenset[MeasurementKind]:
     return frozenset(kind for part in sources for kind in part.cls.provides)
 
 
-CONTROL_RATE = 250
+CONTROL_RATE = 125
 """The usual control rate, Hz."""
 
 
