@@ -13,6 +13,10 @@ from kybflow.world.vehicle_context import Airframe
 WASHOUT = 3.0
 """Seconds in which a steady upward disturbance moves to the mass estimate. Along x and y it stays
 in this estimate, together with the accelerometer's bias, which the law's integral compensates."""
+SETTLING = 2.0
+"""Seconds of flight in which the mass estimate settles. Until then the measured disturbance is
+mostly the error of the mass: if it were learned as lasting, subtracting it for `WASHOUT` seconds
+would let the vehicle sink."""
 SHAKEN = 1.0
 """Turn rate of body z, rad/s, at which half of the bandwidth is left. While body z turns fast, the
 measured force comes from the vehicle's own swinging, delayed, and compensating for it would sustain
@@ -35,7 +39,7 @@ class DisturbanceObserver:
     f: specific force, body. R: attitude, z = R e3. c: the airframe's drag. u: the commanded
     specific force along z; F: the force that results from rotors with the time constant T. e:
     the estimate, which averages noise over 1 / w. l: the upward disturbance that lasts for L,
-    `WASHOUT`. r: the rate at which body z turns; S: `SHAKEN`. Neither the thrust nor the mass
+    `WASHOUT`; it stays zero for the first `SETTLING` seconds. r: the rate at which body z turns; S: `SHAKEN`. Neither the thrust nor the mass
     acts along body x and y, so the estimate there doesn't depend on the command and can't make
     the loop unstable.
 
@@ -48,12 +52,13 @@ class DisturbanceObserver:
     while the vehicle is on the ground, and without an IMU.
     """
 
-    __slots__ = ("_drag", "_given", "_lasting", "_rotor_time", "acceleration")
+    __slots__ = ("_drag", "_flown", "_given", "_lasting", "_rotor_time", "acceleration")
 
     def __init__(self, airframe: Airframe) -> None:
         self._drag, self._rotor_time = airframe.drag, airframe.rotor_time
         self._given = GRAVITY
-        self._lasting, self.acceleration = 0.0, ZERO
+        self._flown = self._lasting = 0.0
+        self.acceleration = ZERO
 
     def update(
         self, imu: Imu | None, estimate: Estimate, given: float, bandwidth: float, dt: float
@@ -73,7 +78,9 @@ class DisturbanceObserver:
         rx, ry, _ = estimate.angular_velocity
         calm = 1.0 + (rx * rx + ry * ry) / (SHAKEN * SHAKEN)
         share = (1.0 - 1.0 / (1.0 + tau * bandwidth * dt)) / calm
-        self._lasting += dt / (WASHOUT + dt) * (dz - self._lasting)
+        self._flown += dt
+        if self._flown > SETTLING:
+            self._lasting += dt / (WASHOUT + dt) * (dz - self._lasting)
         dz -= self._lasting
         ex, ey, ez = ex + share * (dx - ex), ey + share * (dy - ey), ez + share * (dz - ez)
         self.acceleration = _bounded(ex), _bounded(ey), _bounded(ez)
@@ -82,7 +89,8 @@ class DisturbanceObserver:
     def rest(self) -> None:
         """Reset the estimate, because the vehicle is on the ground."""
         self._given = GRAVITY
-        self._lasting, self.acceleration = 0.0, ZERO
+        self._flown = self._lasting = 0.0
+        self.acceleration = ZERO
 
 
 def _bounded(value: float) -> float:
