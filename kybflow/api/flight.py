@@ -207,10 +207,10 @@ def inspect(plan: Plan, seed: int = 0) -> Inspected:
         devices.close()
 
 
-def is_airborne(vehicle: Vehicle, vehicles: Iterable[Vehicle]) -> bool:
-    """Return whether a vehicle is in the air by its own state or, if it believes itself on the
-    ground, by a simulator's truth. vehicles: all vehicles, because it may lie on another one or on
-    a payload."""
+def is_in_air(vehicle: Vehicle, vehicles: Iterable[Vehicle]) -> bool:
+    """Return whether a vehicle is off the ground by its own state or, if it believes itself on the
+    ground, in the air by a simulator's truth. vehicles: all vehicles, because it may lie on another
+    one or on a payload."""
     truth = vehicle.truth
     if vehicle.runner.off_ground or truth is None:
         return vehicle.runner.off_ground
@@ -317,7 +317,7 @@ class _Run:
             interrupted=engine is not None and engine.interrupts > 0,
             driver=self._driver_failed,
             recording=recording,
-            airborne=[vehicle.name for vehicle in vehicles if is_airborne(vehicle, vehicles)],
+            in_air=[vehicle.name for vehicle in vehicles if is_in_air(vehicle, vehicles)],
             expected_faults=expected_faults(self._plan.expectations),
         )
         return summarise(

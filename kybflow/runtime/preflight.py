@@ -58,7 +58,9 @@ def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> Iterator[Preflight
         yield PreflightResult(name, "link", False, vehicle.link_error, at)
         return
     age, battery = vehicle.link_age, vehicle.battery
-    yield PreflightResult(name, "link", age <= LINK_AGE, f"delivered {age * 1000:.0f} ms ago", at)
+    delivers = vehicle.knowledge.link_in.has_delivered
+    reason = f"delivered {age * 1000:.0f} ms ago" if delivers else "no measurement has arrived yet"
+    yield PreflightResult(name, "link", delivers and age <= LINK_AGE, reason, at)
     yield from _own(vehicle)
     yield from _streams(vehicle)
     reason = "no report" if battery is None else f"{battery.remaining:.0%}"

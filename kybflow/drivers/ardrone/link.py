@@ -182,9 +182,11 @@ class ArdroneLink(Link):
             self.flight.start_act(now + lasts(act))
         self.wire.stream.post(*lines_of(act, self._ids))
 
-    def checks(self, now: Time) -> Sequence[Check]:
+    def prepare_preflight(self, now: Time) -> None:
         if self.status.is_in_emergency and self.status.stands:
             self.flight.reset_emergency(now)
+
+    def checks(self, now: Time) -> Sequence[Check]:
         found = checks(
             self.status, self.configuring, self._limits, self._airframe, self.wire.trouble, now
         )

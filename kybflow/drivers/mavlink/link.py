@@ -68,6 +68,7 @@ class AutopilotLink(Link):
             resumes, self._holding,
         )  # fmt: skip
         self._checks = PreflightChecks(autopilot, self.offboard.modes, params)
+        self._mode_trouble = "it was not requested yet"
         self._drift = FrameDrift()
         self._latency = (
             profile.latency if params.lead is None else Latency(params.lead, params.lead)
@@ -162,10 +163,14 @@ class AutopilotLink(Link):
         for message in self._vision.of(estimate, stamp // 1000, is_lost, now):
             autopilot.port.send(message)
 
-    def checks(self, now: Time) -> Sequence[Check]:
-        misses = self.offboard.prepare(now)
+    def prepare_preflight(self, now: Time) -> None:
+        self._mode_trouble = self.offboard.prepare(now)
         self._stream_setpoint(now)
-        return [*self._checks.checks(misses, self._vision.newest, now), *self._capacity.check()]
+        self._checks.request_own_checks(now)
+
+    def checks(self, now: Time) -> Sequence[Check]:
+        checks = self._checks.checks(self._mode_trouble, self._vision.newest, now)
+        return [*checks, *self._capacity.check()]
 
     def status_texts(self) -> Sequence[StatusText]:
         return self.autopilot.new_texts(is_disarming=self.offboard.is_disarming)

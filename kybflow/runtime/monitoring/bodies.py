@@ -120,7 +120,7 @@ class Bodies:
         self._believed[name] = estimate
 
     def judge(
-        self, name: str, poses: Sequence[Pose], now: Time, in_air: bool = True
+        self, name: str, poses: Sequence[Pose], now: Time, airborne: bool = True
     ) -> tuple[list[Pose], list[VehicleEvent]]:
         """Judge the new poses of a body, oldest first; return the poses to pass on and the
         findings. Must be called whenever poses arrive, and from `due` on even without poses."""
@@ -132,7 +132,7 @@ class Bodies:
         for pose in poses:
             if pose.time <= body.stamp or not _is_sound(pose):
                 continue
-            if body.repeats(pose, in_air):
+            if body.repeats(pose, airborne):
                 since, bound = (body.stamp - body.changed) / NS, self._bounds.frozen
                 if since > bound and not body.trouble.is_known(BodyFroze):
                     findings.append(body.trouble.found(BodyFroze(value=since, bound=bound)))
@@ -243,7 +243,7 @@ class _Body:
         self.due = newest + timeout
         return newest
 
-    def repeats(self, pose: Pose, in_air: bool) -> bool:
+    def repeats(self, pose: Pose, airborne: bool) -> bool:
         """Process a newer pose; return whether it repeats the last one and must be withheld."""
         stamp, position, attitude = pose
         last, self._last = self._last, pose
@@ -254,9 +254,9 @@ class _Body:
             self._before = passed
         self.stamp = stamp
         same = last is not None and last.position == position and last.attitude == attitude
-        if same and (in_air or self._wavered >= WAVERS or self.trouble.is_known(BodyFroze)):
+        if same and (airborne or self._wavered >= WAVERS or self.trouble.is_known(BodyFroze)):
             return True
-        if self._wavered < WAVERS and not in_air and last is not None:
+        if self._wavered < WAVERS and not airborne and last is not None:
             stands = not same and distance(last.position, position) < STILL
             self._wavered = self._wavered + 1 if stands else 0
         self.changed = stamp
@@ -293,13 +293,13 @@ class BodyMonitor:
         self.due: Time = 0 if asking else NEVER
 
     def measured(
-        self, measurements: Sequence[Measurement], now: Time, in_air: bool
+        self, measurements: Sequence[Measurement], now: Time, airborne: bool
     ) -> Sequence[Measurement]:
         """Return the measurements without the poses that are withheld."""
         poses = [m for m in measurements if type(m) is Pose] if measurements else ()
         if not poses and now < self.due:
             return measurements
-        passed, findings = self._bodies.judge(self._name, poses, now, in_air)
+        passed, findings = self._bodies.judge(self._name, poses, now, airborne)
         if self._is_needed:
             self.due = self._bodies.due(self._name)
         for found in findings:

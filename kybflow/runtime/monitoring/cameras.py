@@ -132,7 +132,7 @@ class CameraStreams:
         found = {name: stream.trouble.finding for name, stream in self._streams.items()}
         return {name: finding for name, finding in found.items() if finding is not None}
 
-    def judge(self, frames: Sequence[Frame], now: Time, in_air: bool) -> list[VehicleEvent]:
+    def judge(self, frames: Sequence[Frame], now: Time, airborne: bool) -> list[VehicleEvent]:
         """Judge new frames; return the findings. Must be called whenever frames arrive, and from
         `due` on even without frames."""
         findings: list[VehicleEvent] = []
@@ -141,7 +141,7 @@ class CameraStreams:
             if stream is None:
                 stream = _CameraStream(frame.camera, self._cameras[frame.camera].rate)
                 self._streams[frame.camera] = stream
-            findings += stream.judge(frame, now, in_air)
+            findings += stream.judge(frame, now, airborne)
         for stream in self._streams.values():
             findings += stream.miss(now)
         waiting = (s for s in self._streams.values() if not s.trouble.is_known(CameraLostEvent))
@@ -163,10 +163,10 @@ class _CameraStream:
         self._changed: Time = 0
         self._sample: Any = None
 
-    def judge(self, frame: Frame, now: Time, in_air: bool) -> Iterator[VehicleEvent]:
+    def judge(self, frame: Frame, now: Time, airborne: bool) -> Iterator[VehicleEvent]:
         """Judge a frame that arrived at `now`; yield the findings."""
         self.last, trouble = now, self.trouble
-        if self._repeats(frame) and (in_air or trouble.is_known(CameraFroze)):
+        if self._repeats(frame) and (airborne or trouble.is_known(CameraFroze)):
             since = (frame.time - self._changed) / NS
             bound = self.freeze_timeout
             if since > bound and not trouble.is_known(CameraFroze):
@@ -226,18 +226,18 @@ class Sightings:
         found = {name: track.trouble.finding for name, track in self._tracks.items()}
         return {name: event for name, event in found.items() if isinstance(event, CameraJumped)}
 
-    def judge(self, sighting: Sighting, in_air: bool) -> list[VehicleEvent]:
+    def judge(self, sighting: Sighting, airborne: bool) -> list[VehicleEvent]:
         """Judge a new sighting; return the findings."""
         time, located = sighting.frames[0].time, sighting.located
         self.is_blind = located is None
         if located is None:
-            return self._blind(time, in_air)
+            return self._blind(time, airborne)
         self._posed = time
         findings: list[VehicleEvent] = []
         if self.lost:
             self.lost = False
             findings.append(TagsFound())
-        if not in_air:  # a person may carry the vehicle around
+        if not airborne:  # a person may carry the vehicle around
             self._tracks.clear()
             return findings
         believed = self._fleet.at(self._vehicle, time)
@@ -257,8 +257,8 @@ class Sightings:
                         findings.append(CameraRecovered(camera=name))
         return findings
 
-    def _blind(self, time: Time, in_air: bool) -> list[VehicleEvent]:
-        if self._posed is None or not in_air:
+    def _blind(self, time: Time, airborne: bool) -> list[VehicleEvent]:
+        if self._posed is None or not airborne:
             self._posed = time
             return []
         since = (time - self._posed) / NS
@@ -360,12 +360,12 @@ class CameraMonitor:
         return "; ".join(said) or None
 
     def measured(
-        self, measurements: Sequence[Measurement], now: Time, in_air: bool
+        self, measurements: Sequence[Measurement], now: Time, airborne: bool
     ) -> Sequence[Measurement]:
         """Return the measurements without frozen frames."""
         frames = [m for m in measurements if type(m) is Frame] if measurements else ()
         if frames or now >= self._streams.due:
-            self._emit(self._streams.judge(frames, now, in_air))
+            self._emit(self._streams.judge(frames, now, airborne))
         if not frames:
             return measurements
         wrong = self._streams.wrong
@@ -374,7 +374,7 @@ class CameraMonitor:
             return measurements
         return [m for m in measurements if type(m) is not Frame or m.camera not in frozen]
 
-    def judge(self, estimators: Sequence[SeeingEstimator], in_air: bool) -> None:
+    def judge(self, estimators: Sequence[SeeingEstimator], airborne: bool) -> None:
         """Judge the poses that the estimators found in new frames, except frames of a faulty
         camera."""
         fresh = []
@@ -386,7 +386,7 @@ class CameraMonitor:
                     fresh.append(sighting)
         if fresh:
             best = next((s for s in fresh if s.located is not None), fresh[0])
-            self._emit(self._sightings.judge(best, in_air))
+            self._emit(self._sightings.judge(best, airborne))
 
     def _emit(self, findings: Sequence[VehicleEvent]) -> None:
         for found in findings:

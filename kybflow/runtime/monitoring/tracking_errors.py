@@ -28,7 +28,7 @@ class TrackingErrors:
     def __init__(self, score: VehicleScore) -> None:
         self._score = score
         self._contact: GroundContact | None = None
-        self._flies = False
+        self._in_air = False
 
     def update(
         self,
@@ -44,11 +44,11 @@ class TrackingErrors:
         state: the ground truth in simulation, the estimate on hardware.
         flight, leg: the flight phase, and the leg of the active behavior.
         """
-        flies = flight is AIR or self._flies_off(wanted, state, flight, leg)
-        if flies is not self._flies:
-            self._flies = flies
-            self._score.airborne(flies, now / NS)
-        if wanted is None or not flies:
+        in_air = flight is AIR or self._is_lifted(wanted, state, flight, leg)
+        if in_air is not self._in_air:
+            self._in_air = in_air
+            self._score.in_air(in_air, now / NS)
+        if wanted is None or not in_air:
             return None
         if state is not None:
             position, velocity, score = wanted.position, wanted.velocity, self._score
@@ -58,7 +58,7 @@ class TrackingErrors:
                 score.velocity.add(distance(velocity, state.velocity))
         return wanted
 
-    def _flies_off(
+    def _is_lifted(
         self, wanted: Setpoint | None, state: Truth | Estimate | None, flight: Flight, leg: Leg
     ) -> bool:
         """Return whether a vehicle that takes off or lands is above the ground."""

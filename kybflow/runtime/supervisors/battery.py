@@ -11,7 +11,7 @@ Alarm `battery_lost` with WARN while the newest report is older than `age`: the 
 and the bounds above apply to the last report. `battery_low` takes precedence. The value is the age
 in seconds.
 
-An alarm that persists is returned in every tick; the engine makes one event of it, and a separate
+An alarm that persists is returned in every tick; the failsafe makes one event of it, and a separate
 event of the landing. The value of `battery_low` is the charge left, 0 to 1.
 """
 
@@ -83,18 +83,18 @@ class BatterySupervisor(Supervisor[BatterySupervisorParams]):
     def reserve(cls, params: BatterySupervisorParams) -> float:
         return 0.0 if Reaction[params.reaction.upper()] is Reaction.WARN else params.land_below
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
         if tick.battery is None:
             return None
         left, p = tick.battery.remaining, self.params
         self._low = left < p.warn_below + (_RECOVERED if self._low else 0.0)
         self._empty = left < p.land_below + (_RECOVERED if self._empty else 0.0)
         warning: BatteryWarning | None = tick.battery.warning
-        if self._empty and airborne:
+        if self._empty and off_ground:
             reason = f"{left:.0%} left, below {p.land_below:.0%}"
             return Alarm("battery_low", Reaction[p.reaction.upper()], reason, left, p.land_below)
         if warning is not None and (warning.acts or not self._low):
-            acts = warning.acts and airborne
+            acts = warning.acts and off_ground
             reaction = Reaction[p.reaction.upper()] if acts else Reaction.WARN
             return Alarm("battery_low", reaction, f"{warning.words}; {left:.0%} left", left)
         if self._low or self._empty:

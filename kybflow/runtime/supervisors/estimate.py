@@ -1,4 +1,4 @@
-"""Report an airborne vehicle that no longer knows where it is.
+"""Report a vehicle in the air that no longer knows where it is.
 
 Alarm `estimate_lost` in the air when no estimator has an estimate, when the newest measurement in
 it is older than `age`, or when its standard deviation is above `spread`. The alarm's value is the
@@ -6,7 +6,7 @@ age in seconds or the spread in metres. Without an estimate it is the time since
 newest measurement, or since the first check, with a bound of zero.
 
 The default reaction is `land_blind`, the only one that needs no position. An alarm that persists is
-returned in every tick; the engine makes one event of it.
+returned in every tick; the failsafe makes one event of it.
 """
 
 from __future__ import annotations
@@ -63,13 +63,13 @@ class EstimateSupervisor(Supervisor[EstimateSupervisorParams]):
         super().__init__(params, context)
         self._newest: Time | None = None
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
         estimate, p = tick.estimate, self.params
         if estimate is not None:
             self._newest = estimate.time - round(estimate.age * NS)
         elif self._newest is None:
             self._newest = tick.now
-        if not airborne:
+        if not off_ground:
             return None
         if estimate is None:
             silence = (tick.now - self._newest) / NS

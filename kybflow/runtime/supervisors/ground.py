@@ -50,12 +50,12 @@ class Ground(Supervisor[GroundParams]):
         self._near, self._has_flown = context.start[2] + _NEAR, False
         self._since: Time | None = None
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
         estimate = tick.estimate
         if estimate is None:
             return None
         height = estimate.position[2]
-        if not airborne:
+        if not off_ground:
             self._near, self._has_flown, self._since = height + _NEAR, False, None
             return None
         if height > self._near:

@@ -68,7 +68,7 @@ class Jump(Supervisor[JumpParams]):
         self._alarm: Alarm | None = None
         self._until: Time = 0
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
         estimate = tick.estimate
         if estimate is None:
             self._last = None
@@ -77,10 +77,10 @@ class Jump(Supervisor[JumpParams]):
             if self._last is None or measured - self._measured > _SAME:
                 self._measured = measured
                 alarm = self._judged(estimate)
-                if alarm is not None and airborne:
+                if alarm is not None and off_ground:
                     self._alarm, self._until = alarm, tick.now + _LASTS
         alarm = self._alarm
-        return alarm if alarm is not None and airborne and tick.now < self._until else None
+        return alarm if alarm is not None and off_ground and tick.now < self._until else None
 
     def _judged(self, estimate: Estimate) -> Alarm | None:
         last, self._last = self._last, estimate

@@ -64,13 +64,13 @@ class LinkSupervisor(Supervisor[LinkSupervisorParams]):
             reason = "alarms long after a loop over the link oscillates"
             yield Objection("delay", reason, "write `delay: 200 ms`", is_doubt=True)
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
         p, silence, delay = self.params, tick.link_age, tick.link_delay
-        if not airborne:
+        if not off_ground:
             return None
         reaction = Reaction[p.reaction.upper()]
         if silence > p.age:
-            reason = f"nothing has arrived for {silence:.2f} s, {p.age:g} s allowed"
+            reason = f"no measurement has arrived for {silence:.2f} s, {p.age:g} s allowed"
             return Alarm("link_lost", reaction, reason, silence, p.age)
         if delay > p.delay:
             reason = f"two round trips in a row took {delay:.2f} s and more, {p.delay:g} s allowed"

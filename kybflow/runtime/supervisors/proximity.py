@@ -79,8 +79,8 @@ class Proximity(Supervisor[ProximityParams]):
         self._next: Time = 0
         self._due: dict[str, Time] = {context.vehicle: NEVER}
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
-        if len(tick.fleet) < 2 or tick.estimate is None or not airborne:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
+        if len(tick.fleet) < 2 or tick.estimate is None or not off_ground:
             self._close, self._next, self._due = frozenset(), 0, {self._vehicle: NEVER}
             return None
         now, due = tick.now, self._due

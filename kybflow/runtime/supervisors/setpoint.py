@@ -61,11 +61,11 @@ class SetpointSupervisor(Supervisor[SetpointSupervisorParams]):
         self._jumped: Alarm | None = None
         self._until: Time = 0
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
         last, setpoint, estimate = self._last, tick.setpoint, tick.estimate
         dt = (tick.now - self._looked) / NS
         self._last, self._looked = setpoint, tick.now
-        if not airborne or setpoint is None or estimate is None:
+        if not off_ground or setpoint is None or estimate is None:
             return None
         position, p = setpoint.position, self.params
         if position is None:

@@ -50,10 +50,10 @@ class Spin(Supervisor[SpinParams]):
         super().__init__(params, context)
         self._rate, self._looked, self._spins = 0.0, 0, False
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
         estimate, setpoint, now = tick.estimate, tick.setpoint, tick.now
         dt, self._looked = (now - self._looked) / NS, now
-        if estimate is None or not airborne:
+        if estimate is None or not off_ground:
             self._rate, self._spins = 0.0, False
             return None
         rate = estimate.angular_velocity[2] - (0.0 if setpoint is None else setpoint.heading_rate)

@@ -52,8 +52,8 @@ class TiltSupervisor(Supervisor[TiltSupervisorParams]):
         super().__init__(params, context)
         self._tilted = False
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
-        if tick.estimate is None or not airborne:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
+        if tick.estimate is None or not off_ground:
             self._tilted = False
             return None
         tilt, limit = tilt_of(tick.estimate.attitude), self.params.limit

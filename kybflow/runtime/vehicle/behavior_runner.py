@@ -127,7 +127,7 @@ class BehaviorRunner:
             on_enter=self._enter,
             on_exit=self._exit,
             starts=self._starts,
-            airborne=lambda: self.off_ground,
+            off_ground=lambda: self.off_ground,
             latched=self._latched,
             welcome=self._is_welcome,
         )

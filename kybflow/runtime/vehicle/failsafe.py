@@ -43,8 +43,8 @@ HOLD = "hold"
 class Response(NamedTuple):
     """The effects of a reaction.
 
-    on_ground, in_air: the built-in state that the vehicle enters, empty if the state doesn't
-    change.
+    on_ground, in_air: the built-in state that a vehicle enters if it is not airborne, and if it is
+    (`Reactions.airborne`); empty if the state doesn't change.
     without_estimate: the reaction that replaces this one in the air without an estimate.
     latches: whether only a severer reaction can take effect afterwards.
     """
@@ -130,7 +130,7 @@ class Failsafe:
         self._blind: Time = 0
         self._for_good = False
 
-    def check(self, tick: Tick, airborne: bool) -> RaisedAlarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> RaisedAlarm | None:
         """Call every supervisor that is due; return the alarm with the severest reaction, or
         None."""
         worst, self._failed = self._failed, None
@@ -140,7 +140,7 @@ class Failsafe:
         self.due = tick.now if self._hurried else self._all_due
         for label, check in asked:
             try:
-                alarm = check(tick, airborne)
+                alarm = check(tick, off_ground)
                 if alarm is None:
                     continue
                 raised = self.emit(label, checked_alarm(alarm), tick.now)
@@ -324,8 +324,9 @@ class Reactions:
 
     @property
     def airborne(self) -> bool:
-        """Whether the vehicle is off the ground and its rotors turn."""
-        return self._runner.flight is not GROUND and self._link.sent.armed
+        """Whether the vehicle is off the ground and its rotors turn, so that it must be landed. A
+        vehicle that is still arming for its take-off is off the ground, but not airborne."""
+        return self._runner.off_ground and self._link.sent.armed
 
     def falls(self, now: Time) -> bool:
         """Return whether the rotors were cut so recently that the vehicle may still fall."""

@@ -32,6 +32,7 @@ from kybflow.parts.link import (
     Lands,
     NoticesOthers,
     Performs,
+    PreparesPreflight,
     Reclaimable,
     ReportsChecks,
     SendsStatusTexts,
@@ -108,8 +109,9 @@ class LinkIn:
     truth: the simulator's ground truth, None on hardware.
     heard: when measurements last arrived, also from a simulator beside the vehicle; None before the
     first read.
-    age: seconds since the vehicle's last measurement, or since the link was first read. Messages
-    without a measurement, such as heartbeats, don't count.
+    has_delivered: whether the vehicle has ever delivered a measurement.
+    age: seconds since the vehicle's last measurement; before the first one, since the link was
+    first read. Messages without a measurement, such as heartbeats, don't count.
     delay: the round-trip time to the vehicle in seconds, zero while unknown.
     faults: the injected faults of the vehicle, None on hardware.
     """
@@ -124,6 +126,7 @@ class LinkIn:
     ) -> None:
         self.truth: Truth | None = None
         self.heard: Time | None = None
+        self.has_delivered = False
         self.age = self.delay = 0.0
         self._alive: Time | None = None
         self._vehicle, self._at, self._events = plan.name, plan.driver.at, events
@@ -142,11 +145,13 @@ class LinkIn:
             measurements = self._read(now)
             self.truth = self._truth()
             if measurements or self.heard is None:
-                if self._link.is_heard or self._alive is None:
+                is_heard = self._link.is_heard
+                if is_heard or self._alive is None:
                     if self._alive is not None and now - self._alive > SILENCE * NS:
                         back = LinkReturned(value=(now - self._alive) / NS)
                         self._events.emit(back, self._vehicle, self._at)
                     self._alive = now
+                    self.has_delivered |= is_heard and bool(measurements)
                 self.heard, self.delay = now, self._link.delay
                 measurements = accept(measurements, now)
         except Exception as error:  # a driver may raise anything
@@ -200,6 +205,7 @@ class LinkOut:
         self._grip = link.grip if isinstance(link, Grips) else None
         self._perform = link.perform if isinstance(link, Performs) else None
         self._reclaim = link.reclaim if isinstance(link, Reclaimable) else None
+        self._prepare = link.prepare_preflight if isinstance(link, PreparesPreflight) else None
         self._tell_position = link.tell_position if isinstance(link, TakesPosition) else None
         self.tells_position = self._tell_position is not None
         self._lands, self._lands_blind = plan.driver.cls.lands, plan.driver.cls.lands_blind
@@ -221,6 +227,11 @@ class LinkOut:
         except Exception as error:  # a driver may raise anything
             self._guard.fail(error)
             return None
+
+    def prepare_preflight(self, now: Time) -> None:
+        """Send the vehicle what its own preflight checks need; nothing if its link has failed."""
+        if self._prepare is not None and self._guard.error is None:
+            self._guard.attempt(self._prepare, now)
 
     def deliver(self, command: Command, now: Time) -> Command:
         """Send the command of a tick; return the command that was sent. `HANDED_OVER` is not sent.

@@ -249,7 +249,7 @@ class ManualOverride:
             self._emit(ControlRefused(reason=override.refused))
         self._refused = override.refused
         runner.wait(tick.dt)
-        self._failsafe.check(tick, airborne=False)  # supervisors keep their state; no reaction
+        self._failsafe.check(tick, off_ground=False)  # supervisors keep their state; no reaction
         answer(tick.now)
         if self._link.armed is False and not self._arming.may_fall(tick):
             self.away = False

@@ -163,7 +163,7 @@ class Vehicle:
 
     @property
     def airborne(self) -> bool:
-        """Whether the vehicle is off the ground and its rotors turn."""
+        """Whether the vehicle is off the ground and its rotors turn (`Reactions.airborne`)."""
         return self._reactions.airborne
 
     @property
@@ -184,7 +184,7 @@ class Vehicle:
         state and doesn't report itself armed, or the run ends while a pilot has control."""
         if self._override.away and self.requests.retired is not None:
             return True
-        if self.runner.flight is not GROUND or self.requests.waiting:
+        if self.runner.off_ground or self.requests.waiting:
             return False
         if self.link_age < _STALE and self.link_out.armed and self.link_out.override is None:
             return self._arming.gave_up

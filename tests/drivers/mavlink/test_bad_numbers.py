@@ -97,6 +97,7 @@ def test_what_is_not_finite_goes_no_further(name):
         bench.tick()
         bench.link.tell_position(estimate(bench.now), bench.now)
         bench.link.send(at((0.0, 0.0, 1.0)), bench.now)
+        bench.link.prepare_preflight(bench.now)
         bench.link.checks(bench.now)
         out = [*bench.measured, bench.link.truth() or ()]
         assert all(isfinite(one) for value in out for one in numbers(value)), message

@@ -32,14 +32,14 @@ def noise(seed: int) -> Any:
 
 
 def found_in(
-    judge: CameraStreams, images: list[Any], begin: int = 0, in_air: bool = True
+    judge: CameraStreams, images: list[Any], begin: int = 0, airborne: bool = True
 ) -> list[VehicleEvent]:
     """What is found in frames that come one after another; None where one doesn't."""
 
     def found() -> Iterator[VehicleEvent]:
         for k, image in enumerate(images, begin):
             frames = [] if image is None else [Frame(k * STEP - 40 * MS, "down", image)]
-            yield from judge.judge(frames, k * STEP, in_air)
+            yield from judge.judge(frames, k * STEP, airborne)
 
     return list(found())
 
@@ -93,7 +93,7 @@ def test_one_image_twice_is_no_finding() -> None:
 
 def test_nor_is_a_still_image_on_the_ground() -> None:
     judge = cameras()
-    assert found_in(judge, [noise(0)] * 20, in_air=False) == []
+    assert found_in(judge, [noise(0)] * 20, airborne=False) == []
     assert found_in(judge, [noise(0)] * 2, 20) == [], "its time counts from the take-off"
     (found,) = found_in(judge, [noise(0)], 22)
     assert found.name == "camera_froze"
