@@ -33,7 +33,7 @@ from kybflow.runtime.options import check_options
 from kybflow.runtime.preflight import PreflightResult
 from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.vehicle import Vehicle
-from kybflow.world.ground import STANDS, height_above_ground
+from kybflow.world.ground import STAND_HEIGHT, height_above_ground
 from kybflow.world.vehicle_context import LEGS
 
 Server = Callable[[CommandQueue, Path], AbstractContextManager[object]]
@@ -226,7 +226,7 @@ def is_in_air(vehicle: Vehicle, vehicles: Iterable[Vehicle]) -> bool:
         for (ox, oy, oz), height in things:
             if hypot(ox - x, oy - y) < reach and oz < z - LEGS:
                 tops.append(oz + height)
-    return height_above_ground(vehicle.context, truth.position, truth.attitude, tops) > STANDS
+    return height_above_ground(vehicle.context, truth.position, truth.attitude, tops) > STAND_HEIGHT
 
 
 @contextmanager

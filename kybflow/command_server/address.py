@@ -25,7 +25,7 @@ from kybflow.core.files import CONTROL, write_whole
 SUFFIX = ".sock"
 LONGEST_PATH = 107
 """The most bytes in a socket's path (`sun_path` in unix(7), without the final zero byte)."""
-_ROOM = 40
+_SOCKET_NAME_BYTES = 40
 """Bytes of the longest path that must remain for the name of a socket."""
 _TEMPORARY = "/tmp"
 _PEER = struct.Struct("3i")
@@ -68,7 +68,7 @@ def folders() -> Iterator[Path]:
     given = os.environ.get("XDG_RUNTIME_DIR", "")
     if os.path.isabs(given) and _is_own(given):
         path = Path(given, "kybflow")
-        if len(os.fsencode(path)) + _ROOM <= LONGEST_PATH:
+        if len(os.fsencode(path)) + _SOCKET_NAME_BYTES <= LONGEST_PATH:
             yield path
     yield Path(_TEMPORARY, f"kybflow-{os.geteuid()}")
 

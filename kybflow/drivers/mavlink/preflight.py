@@ -27,14 +27,14 @@ from kybflow.drivers.mavlink.params import MavlinkParams
 from kybflow.drivers.mavlink.protocol.framing import mavlink
 from kybflow.parts import Check
 
-ALIVE: Time = 3 * NS
-REPEATED: Time = 35 * NS
+HEARTBEAT_TIMEOUT_NS: Time = 3 * NS
+TEXT_VALIDITY_NS: Time = 35 * NS
 """How long a text about arming counts; autopilots repeat it every 30 s."""
-UNREADY: Time = 3 * NS
+UNREADY_TIME_NS: Time = 3 * NS
 """How long an autopilot may be unready before its own checks are requested."""
-AGAIN: Time = 10 * NS
+OWN_CHECKS_PERIOD_NS: Time = 10 * NS
 """The pause between two such requests."""
-APART = 0.5
+TOLERANCE = 0.5
 """The largest allowed distance between the autopilot's position and ours, metres."""
 
 
@@ -79,9 +79,9 @@ class PreflightChecks:
         if self._profile.ready(status) is None:
             self._checks_at = None
         elif self._checks_at is None:
-            self._checks_at = now + UNREADY
+            self._checks_at = now + UNREADY_TIME_NS
         elif now >= self._checks_at:
-            self._checks_at = now + AGAIN
+            self._checks_at = now + OWN_CHECKS_PERIOD_NS
             self._requests.ask(mavlink.MAV_CMD_RUN_PREARM_CHECKS, now=now)
 
     def _heartbeat(self, now: Time) -> Check:
@@ -89,7 +89,7 @@ class PreflightChecks:
         if status.heartbeat is None:
             return Check("heartbeat", False, "none was received")
         age = (now - status.heartbeat) / NS
-        if now - status.heartbeat > ALIVE:
+        if now - status.heartbeat > HEARTBEAT_TIMEOUT_NS:
             return Check("heartbeat", False, f"the last one {age:.1f} s ago")
         maker = firmware_by(status.autopilot) or f"autopilot {status.autopilot}"
         if maker != wanted:
@@ -109,8 +109,8 @@ class PreflightChecks:
             return Check("position", False, "it reports none yet")
         if self._is_outside and sent is not None:
             apart = distance(own.position, sent[0].position)
-            reason = f"{apart:.2f} m from the one that kybflow sends ({APART:.2f} m allowed)"
-            return Check("position", apart <= APART, reason)
+            reason = f"{apart:.2f} m from the one that kybflow sends ({TOLERANCE:.2f} m allowed)"
+            return Check("position", apart <= TOLERANCE, reason)
         return Check("position", True, f"spread {spread:.2f} m")
 
     def _readiness(self, now: Time) -> Check:
@@ -121,7 +121,7 @@ class PreflightChecks:
         unready = self._profile.ready(status)
         if unready is None:
             return Check("autopilot", True, "ready to arm")
-        words = status.words(max(now - REPEATED, 0))
+        words = status.words(max(now - TEXT_VALIDITY_NS, 0))
         reason = f"{unready}: {words}" if words else unready
         return Check(
             "autopilot", False, f"{reason}; {status.unhealthy}" if status.unhealthy else reason

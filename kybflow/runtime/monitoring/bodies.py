@@ -9,7 +9,7 @@ jumped: three consecutive poses are at positions that the vehicle cannot have re
 since the last pose (`kybflow.flight.pose_gate`).
 swapped: the body jumped to within `near` + `pace` t of the position at which another body was t
 seconds before, or of the position that the other body has just left; or the body returns after more
-than `MEMORY` seconds at the position of another vehicle's estimate. Its poses are then withheld
+than `MEMORY_S` at the position of another vehicle's estimate. Its poses are then withheld
 until it jumps again or is lost.
 
 A repeated pose is no measurement. In the air even the first repetition is withheld, so that the
@@ -28,7 +28,7 @@ from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import ZERO, Quat, Vec3, distance
 from kybflow.core.signals import NEVER, NS, Estimate, Measurement, Pose, Time
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.flight.pose_gate import CONFIRMED, PoseTrack, unexplained
+from kybflow.flight.pose_gate import AGREEING_POSES, PoseTrack, unexplained
 from kybflow.parts.events import BodyFroze, BodyJumped, BodyLost, BodyRecovered, BodySwapped
 from kybflow.runtime.events import Events
 
@@ -36,9 +36,9 @@ from kybflow.runtime.events import Events
 class Trouble:
     """The fault of one motion-capture body or camera.
 
-    A single odd observation is a measurement error. `CONFIRMED` consecutive observations that agree
-    with one another are a jump (`kybflow.flight.pose_gate.PoseTrack`); as many consecutive good
-    observations end a fault. A jump to the position of another vehicle is a swap (`nearest`).
+    A single odd observation is a measurement error. `AGREEING_POSES` consecutive observations that
+    agree with one another are a jump (`kybflow.flight.pose_gate.PoseTrack`); as many consecutive
+    good observations end a fault. A jump to the position of another vehicle is a swap (`nearest`).
 
     finding: the present fault, or None. good: the number of consecutive good observations so far.
     """
@@ -65,7 +65,7 @@ class Trouble:
     def is_over(self) -> bool:
         """Count a good observation; return whether it ends the fault."""
         self.good += 1
-        if self.finding is None or self.good < CONFIRMED:
+        if self.finding is None or self.good < AGREEING_POSES:
             return False
         self.finding = None
         return True
@@ -83,14 +83,14 @@ def nearest(position: Vec3, others: Iterable[tuple[str, Vec3, float]]) -> str:
     return whose
 
 
-WAVERS = 30
+WAVERING_POSES = 30
 """Number of consecutive poses on the ground, each slightly off the previous one, that prove the
 measurement to be noisy."""
-STILL = 0.01
+STILL_DISTANCE = 0.01
 """Largest distance (m) between two consecutive poses of a vehicle that stands still."""
-MEMORY = 0.25
+MEMORY_S = 0.25
 """Seconds for which the last position of a body is taken into account."""
-_MEMORY = round(MEMORY * NS)
+_MEMORY = round(MEMORY_S * NS)
 _NO_ATTITUDE: Quat = (0.0, 0.0, 0.0, 0.0)
 
 
@@ -190,7 +190,7 @@ class Bodies:
         for other, body in self._bodies.items():
             for place in () if other == name else (body.track.last, body.left):
                 t = 0.0 if place is None else abs(pose.time - place.time) / NS
-                if place is not None and t <= MEMORY:
+                if place is not None and t <= MEMORY_S:
                     yield other, place.position, self._bounds.near + self._bounds.pace * t
 
 
@@ -254,10 +254,12 @@ class _Body:
             self._before = passed
         self.stamp = stamp
         same = last is not None and last.position == position and last.attitude == attitude
-        if same and (airborne or self._wavered >= WAVERS or self.trouble.is_known(BodyFroze)):
+        if same and (
+            airborne or self._wavered >= WAVERING_POSES or self.trouble.is_known(BodyFroze)
+        ):
             return True
-        if self._wavered < WAVERS and not airborne and last is not None:
-            stands = not same and distance(last.position, position) < STILL
+        if self._wavered < WAVERING_POSES and not airborne and last is not None:
+            stands = not same and distance(last.position, position) < STILL_DISTANCE
             self._wavered = self._wavered + 1 if stands else 0
         self.changed = stamp
         return False

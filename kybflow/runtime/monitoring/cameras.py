@@ -3,11 +3,11 @@
 These findings depend on the times and the images of a camera's frames. lost: no frame for longer
 than
 
-    max(SILENT, 3 / rate),   rate = the camera's frames a second
+    max(SILENCE_S, 3 / rate),   rate = the camera's frames a second
 
 froze: in the air, frames with new times but identical images for longer than
 
-    max(SAME, 1.5 / rate)
+    max(FREEZE_S, 1.5 / rate)
 
 Sensor noise makes two equal images impossible, so comparing some 1,200 pixels of each suffices. An
 image of uniform brightness doesn't count as frozen, because the camera may be in the dark or
@@ -29,10 +29,10 @@ error. That estimate did not include the frame yet; in most vehicles it is predi
 camera that was knocked aside causes a jump, and so does a map of tags that was moved. swapped: the
 pose jumped to within that distance of another vehicle's estimate.
 
-recovered: after a loss or a freeze, `CONFIRMED` good frames in a row. After a jump, the poses must
-have jumped back or been lost for a while, and then as many in a row must agree with the vehicle's
-estimate. If an estimator followed the camera, they don't agree, and another jump is reported.
-"""
+recovered: after a loss or a freeze, `AGREEING_POSES` good frames in a row. After a jump, the poses
+must have jumped back or been lost for a while, and then as many in a row must agree with the
+vehicle's estimate. If an estimator followed the camera, they don't agree, and another jump is
+reported."""
 
 from __future__ import annotations
 
@@ -65,8 +65,8 @@ from kybflow.world.cameras import Camera
 if TYPE_CHECKING:
     from kybflow.vision.locating.locator import Sighting
 
-_KEPT = 512
-CURRENT = NS // 20
+_KEPT_ESTIMATES = 512
+CURRENT_AGE_NS = NS // 20
 """An estimate counts as the estimate at a given time if it is at most this much older."""
 
 
@@ -90,14 +90,14 @@ class EstimateHistory:
         """Keep the newest estimate of a vehicle."""
         kept = self._kept.get(vehicle)
         if kept is None:
-            kept = self._kept[vehicle] = deque(maxlen=_KEPT)
+            kept = self._kept[vehicle] = deque(maxlen=_KEPT_ESTIMATES)
         kept.append(estimate)
 
     def at(self, vehicle: str, time: Time) -> Estimate | None:
         """Return the vehicle's estimate at `time` or shortly before, or None."""
         for estimate in reversed(self._kept.get(vehicle, ())):
             if estimate.time <= time:
-                return estimate if time - estimate.time <= CURRENT else None
+                return estimate if time - estimate.time <= CURRENT_AGE_NS else None
         return None
 
     def others(self, vehicle: str, time: Time) -> Iterator[tuple[str, Estimate]]:
@@ -108,10 +108,10 @@ class EstimateHistory:
                 yield other, estimate
 
 
-SILENT, SAME = 0.15, 0.1
+SILENCE_S, FREEZE_S = 0.15, 0.1
 """Least times (s) after which a camera is lost, and after which it froze. From 15 Hz on, both are
 reported before the estimate is a quarter of a second old."""
-_ACROSS = 40
+_COMPARED_PIXELS = 40
 """Number of pixels of a row that are compared."""
 BLIND, NEAR = 0.15, 0.2
 _AND = ", "
@@ -157,7 +157,7 @@ class _CameraStream:
 
     def __init__(self, name: str, rate: float) -> None:
         self._name = name
-        self.timeout, self.freeze_timeout = max(SILENT, 3.0 / rate), max(SAME, 1.5 / rate)
+        self.timeout, self.freeze_timeout = max(SILENCE_S, 3.0 / rate), max(FREEZE_S, 1.5 / rate)
         self.last: Time = 0
         self.trouble = Trouble()
         self._changed: Time = 0
@@ -187,7 +187,7 @@ class _CameraStream:
 
     def _repeats(self, frame: Frame) -> bool:
         """Remember a frame's image; return whether it repeats the previous one."""
-        step = max(1, frame.image.shape[1] // _ACROSS)
+        step = max(1, frame.image.shape[1] // _COMPARED_PIXELS)
         sample, last = frame.image[::step, ::step], self._sample
         if last is None or not numpy.array_equal(sample, last):
             self._sample = sample.copy()  # the next image may be written over this one

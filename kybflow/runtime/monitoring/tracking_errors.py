@@ -15,9 +15,9 @@ from kybflow.core.signals import NS, Estimate, Setpoint, Time, Truth
 from kybflow.parts import AIR, GROUND, Flight, Leg
 from kybflow.runtime.scores import VehicleScore
 
-_LIFTED, _BEHIND = 0.02, 0.03
+_LIFTED_HEIGHT, _LAG = 0.02, 0.03
 """Heights above the ground and above the setpoint, m."""
-_SINKS, _STAYS = -0.05, 0.25
+_SINK_SPEED, _CARRIED_RATIO = -0.05, 0.25
 """The vertical velocity (m/s) below which a setpoint sinks, and the fraction of the setpoint's
 velocity that the vehicle stays under while the ground carries it."""
 
@@ -83,8 +83,8 @@ class GroundContact:
         the behavior's setpoint. height, climb: the vehicle's height (m) and vertical velocity
         (m/s)."""
         if self.leg.end is not GROUND:
-            return self.leg.start is GROUND and height < self._stood + _LIFTED
-        if self._met is not None and height < self._met - _LIFTED:
+            return self.leg.start is GROUND and height < self._stood + _LIFTED_HEIGHT
+        if self._met is not None and height < self._met - _LIFTED_HEIGHT:
             self._met = None
         if self._met is None and wanted is not None and _leaves_behind(wanted, height, climb):
             self._met = height
@@ -96,4 +96,8 @@ def _leaves_behind(wanted: Setpoint, height: float, climb: float) -> bool:
     if wanted.position is None or wanted.velocity is None:
         return False
     sinks = wanted.velocity[2]
-    return sinks < _SINKS and height > wanted.position[2] + _BEHIND and climb > _STAYS * sinks
+    return (
+        sinks < _SINK_SPEED
+        and height > wanted.position[2] + _LAG
+        and climb > _CARRIED_RATIO * sinks
+    )

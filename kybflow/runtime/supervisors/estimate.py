@@ -18,9 +18,9 @@ from kybflow.core.units import Duration, Length
 from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
-_BLIND = 5.0
+_MAX_BLIND_S = 5.0
 """Seconds after which the error of dead reckoning is several metres."""
-_SHARP = 1e-4
+_MIN_SPREAD = 1e-4
 """A spread (m) smaller than that of the best motion capture."""
 
 
@@ -49,10 +49,10 @@ class EstimateSupervisor(Supervisor[EstimateSupervisorParams]):
         if p.age <= late:
             reason = f"alarms at once: the newest measurement is {late * 1e3:.3g} ms old or older"
             yield Objection("age", reason, "write `age: 300 ms`", p.reaction == "warn")
-        if p.age > _BLIND:
+        if p.age > _MAX_BLIND_S:
             reason = f"lets the vehicle fly blindly for {p.age:.3g} s"
             yield Objection("age", reason, "write `age: 300 ms`", is_doubt=True)
-        if p.spread < _SHARP:
+        if p.spread < _MIN_SPREAD:
             reason = "alarms at once: no estimate is as certain"
             yield Objection("spread", reason, "write `spread: 30 cm`", p.reaction == "warn")
         if context.fence is not None and p.spread > max(context.fence.size):

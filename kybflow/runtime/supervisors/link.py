@@ -24,9 +24,9 @@ from kybflow.core.units import Duration
 from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
-_HASTY, _SILENT = 0.05, 10.0
+_USUAL_SILENCE_S, _MAX_SILENCE_S = 0.05, 10.0
 """Seconds of silence that occasionally occur on a radio, and after which it is lost for good."""
-_LATE = 2.0
+_MAX_ROUND_TRIP_S = 2.0
 """A round trip (s) several times as long as the one at which the slowest loop oscillates."""
 
 
@@ -51,16 +51,16 @@ class LinkSupervisor(Supervisor[LinkSupervisorParams]):
         if p.age <= context.dt:
             reason = f"alarms with the first late packet: {tick}"
             yield Objection("age", reason, "write `age: 500 ms`", p.reaction == "warn")
-        elif p.age < _HASTY:
+        elif p.age < _USUAL_SILENCE_S:
             reason = "alarms when a few packets are late"
             yield Objection("age", reason, "write `age: 500 ms`", is_doubt=True)
-        if p.age > _SILENT:
+        if p.age > _MAX_SILENCE_S:
             reason = f"leaves the vehicle alone for {p.age:.3g} s"
             yield Objection("age", reason, "write `age: 500 ms`", is_doubt=True)
         if p.delay <= context.dt:
             reason = f"alarms with the first round trip: {tick}"
             yield Objection("delay", reason, "write `delay: 200 ms`", p.reaction == "warn")
-        if p.delay > _LATE:
+        if p.delay > _MAX_ROUND_TRIP_S:
             reason = "alarms long after a loop over the link oscillates"
             yield Objection("delay", reason, "write `delay: 200 ms`", is_doubt=True)
 

@@ -100,7 +100,7 @@ class PayloadTracker:
         return PayloadState.ABOARD if report.aboard else PayloadState.ABSENT
 
 
-LONG = 0.1
+REST_TIME_S = 0.1
 """Seconds at rest after which the bias is known to a few cm/s^2."""
 MAX_BIAS = 1.5
 """Largest plausible bias, m/s^2; a larger difference from gravity is ignored."""
@@ -134,7 +134,7 @@ class RestingBias:
     @property
     def is_known(self) -> bool:
         """Whether the vehicle has rested for long enough."""
-        return self._time >= LONG
+        return self._time >= REST_TIME_S
 
     @property
     def specific_force(self) -> float:

@@ -47,12 +47,12 @@ from kybflow.runtime.scores import VehicleScore
 P = ParamSpec("P")
 T = TypeVar("T")
 
-TIMEOUT, SLOWEST = 10.0, 0.2
-"""A landing by the vehicle's own land mode may take `TIMEOUT` seconds plus the height divided by
-`SLOWEST` (m/s)."""
-SILENCE = 0.3
+LANDING_TIMEOUT_S, MIN_DESCENT = 10.0, 0.2
+"""A landing by the vehicle's own land mode may take `LANDING_TIMEOUT_S` plus the height
+divided by `MIN_DESCENT` (m/s)."""
+SILENCE_THRESHOLD_S = 0.3
 """Seconds without a measurement after which the next one counts as the link's return."""
-ALIVE = 0.5
+REQUEST_AGE_S = 0.5
 """Largest age (s) of the vehicle's last measurement at which the vehicle can take requests."""
 
 
@@ -147,7 +147,7 @@ class LinkIn:
             if measurements or self.heard is None:
                 is_heard = self._link.is_heard
                 if is_heard or self._alive is None:
-                    if self._alive is not None and now - self._alive > SILENCE * NS:
+                    if self._alive is not None and now - self._alive > SILENCE_THRESHOLD_S * NS:
                         back = LinkReturned(value=(now - self._alive) / NS)
                         self._events.emit(back, self._vehicle, self._at)
                     self._alive = now
@@ -297,7 +297,7 @@ class LinkOut:
     def can_land(self) -> bool:
         """Whether the vehicle has its own land mode and its link works, so that the mode can be
         requested now."""
-        return self._lands and self._guard.error is None and self._in.age <= ALIVE
+        return self._lands and self._guard.error is None and self._in.age <= REQUEST_AGE_S
 
     def prefers_land_mode(self, reaction: Reaction) -> bool:
         """Return whether the vehicle's own land mode replaces the state for `reaction`."""
@@ -326,7 +326,7 @@ class LandMode:
 
     def __init__(self, land: Callable[[Time], bool], now: Time, height: float) -> None:
         self._land = land
-        self._timeout = TIMEOUT + max(height, 0.0) / SLOWEST
+        self._timeout = LANDING_TIMEOUT_S + max(height, 0.0) / MIN_DESCENT
         self._until = now + round(self._timeout * NS)
 
     def has_landed(self, now: Time) -> bool:

@@ -19,7 +19,7 @@ from kybflow.core.signals import NS, Estimate, Pose
 from kybflow.core.units import DURATION
 from kybflow.dsl.expressions import Compare, Quantity, Read
 from kybflow.dsl.plan import EstimatorPlan, FaultPlan
-from kybflow.flight.pose_gate import CONFIRMED
+from kybflow.flight.pose_gate import AGREEING_POSES
 from kybflow.parts.events import BodyFroze, BodyJumped, BodyLost, BodyRecovered, BodySwapped
 from kybflow.runtime.monitoring.bodies import Bodies, BodyBounds
 
@@ -205,7 +205,7 @@ def test_a_body_that_jumps_and_goes_on_from_there(by: Vec3) -> None:
     (jump,) = findings
     assert isinstance(jump.event, BodyJumped)
     assert jump.body == "a"
-    assert jump.time == pytest.approx(NS, abs=CONFIRMED * NS // 120)
+    assert jump.time == pytest.approx(NS, abs=AGREEING_POSES * NS // 120)
     assert jump.event.value > jump.event.bound
     assert len(passed["a"]) == len(passed["b"])
 
