@@ -154,9 +154,7 @@ def is_served(path: Path) -> bool:
 def write_address(folder: Path, path: Path) -> None:
     """Write the path of the socket into the run folder. Raises OSError."""
     text = json.dumps({"kybflow": 1, "socket": os.fspath(path), "pid": os.getpid()})
-    written = folder / f"{CONTROL}.part"
-    write_whole(written, text.encode() + b"\n")
-    written.replace(folder / CONTROL)  # a reader never sees half of it
+    write_whole(folder / CONTROL, text.encode() + b"\n")
 
 
 def find_run(run: str | None) -> Path:

@@ -128,8 +128,8 @@ def test_a_picture_says_what_its_pose_rests_on(looked):
 def test_a_picture_that_cannot_be_written_is_told_and_no_half_of_it_stays(looked):
     place = looked.folder.path / "frames/mk/tag_camera/down"
     place.mkdir(parents=True)
-    (place / "0001.000s-no-pose.jpg").symlink_to("/dev/full")
+    (place / ".0001.000s-no-pose.jpg.part").symlink_to("/dev/full")
     said = r"0001\.000s-no-pose\.jpg` can't be written: No space"
     with pytest.raises(RunFolderError, match=said):
         looked.at(1.0)
-    assert not list((looked.folder.path / "frames").rglob("*.jpg"))
+    assert not list(place.iterdir())
