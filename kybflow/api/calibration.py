@@ -4,14 +4,11 @@ mission."""
 from __future__ import annotations
 
 import os
-import struct
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy
-from mcap.exceptions import EndOfFile, McapError
-from mcap.reader import NonSeekingReader
+from mcap.exceptions import McapError
 from numpy.typing import NDArray
 
 from kybflow.core.errors import FileError
@@ -20,6 +17,7 @@ from kybflow.dsl.calibration_file import write_calibration
 from kybflow.dsl.expanding.vehicles import written_camera
 from kybflow.dsl.plan import Plan
 from kybflow.recording.layout import dtype_spec
+from kybflow.recording.messages import read_recording
 from kybflow.recording.run_folder import EVENTS, LOG, RunFolderError
 from kybflow.vision.calibration.track import RecordedTrack, read_poses
 from kybflow.vision.tags import write_tags
@@ -32,15 +30,13 @@ def read_recorded_poses(folder: Path, vehicle: str) -> NDArray[numpy.float64]:
     """Return a vehicle's motion-capture poses from a run folder, shape (n, 8), in order of time. A
     row holds the time in seconds, the position and the attitude. Raises RunFolderError if the
     folder has no recording."""
-    topic, found, path = f"/{vehicle}/pose", [], folder / LOG
+    path = folder / LOG
     try:
-        with path.open("rb") as file, suppress(EndOfFile, struct.error):  # after a kill
-            messages = NonSeekingReader(file).iter_messages([topic], log_time_order=False)
-            for _, _, message in messages:
-                found.append(message.data)
-    except (OSError, McapError) as error:
+        poses = (
+            read_recording(path)[f"/{vehicle}/pose"].decoded(numpy.dtype(dtype_spec(Pose))).values
+        )
+    except (OSError, ValueError, McapError) as error:
         raise RunFolderError(f"`{path}` is no recording of a run: {error}") from error
-    poses = numpy.frombuffer(b"".join(found), numpy.dtype(dtype_spec(Pose)))
     rows = numpy.column_stack((poses["time"] / NS, poses["position"], poses["attitude"]))
     kept: NDArray[numpy.float64] = rows[numpy.unique(rows[:, 0], return_index=True)[1]]
     return kept

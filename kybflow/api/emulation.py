@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from kybflow.sensors.vrpn.server import Server
 
 RATE, STILL_RATE = 250, 120
-APART = 2.0
+SPACING = 2.0
 """Distance between the vehicles if no mission is given, metres."""
 MISSION = """kybflow: 1
 mission: emulated
@@ -48,7 +48,9 @@ VEHICLE = """  v{number}:
 def plan_of(airframe: str, count: int) -> Plan | None:
     """Return the plan of `count` vehicles side by side, or None if the standard library has no such
     airframe."""
-    vehicles = (VEHICLE.format(number=n + 1, airframe=airframe, y=APART * n) for n in range(count))
+    vehicles = (
+        VEHICLE.format(number=n + 1, airframe=airframe, y=SPACING * n) for n in range(count)
+    )
     with TemporaryDirectory() as folder:
         path = Path(folder) / "emulated.yaml"
         path.write_text(MISSION + "".join(vehicles), encoding="utf-8")

@@ -33,7 +33,7 @@ from kybflow.runtime.options import check_options
 from kybflow.runtime.preflight import PreflightResult
 from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.vehicle import Vehicle
-from kybflow.world.ground import STANDS, height_above_ground
+from kybflow.world.ground import STAND_HEIGHT, height_above_ground
 from kybflow.world.vehicle_context import LEGS
 
 Server = Callable[[CommandQueue, Path], AbstractContextManager[object]]
@@ -207,10 +207,10 @@ def inspect(plan: Plan, seed: int = 0) -> Inspected:
         devices.close()
 
 
-def is_airborne(vehicle: Vehicle, vehicles: Iterable[Vehicle]) -> bool:
-    """Return whether a vehicle is in the air by its own state or, if it believes itself on the
-    ground, by a simulator's truth. vehicles: all vehicles, because it may lie on another one or on
-    a payload."""
+def is_in_air(vehicle: Vehicle, vehicles: Iterable[Vehicle]) -> bool:
+    """Return whether a vehicle is off the ground by its own state or, if it believes itself on the
+    ground, in the air by a simulator's truth. vehicles: all vehicles, because it may lie on another
+    one or on a payload."""
     truth = vehicle.truth
     if vehicle.runner.off_ground or truth is None:
         return vehicle.runner.off_ground
@@ -226,7 +226,7 @@ def is_airborne(vehicle: Vehicle, vehicles: Iterable[Vehicle]) -> bool:
         for (ox, oy, oz), height in things:
             if hypot(ox - x, oy - y) < reach and oz < z - LEGS:
                 tops.append(oz + height)
-    return height_above_ground(vehicle.context, truth.position, truth.attitude, tops) > STANDS
+    return height_above_ground(vehicle.context, truth.position, truth.attitude, tops) > STAND_HEIGHT
 
 
 @contextmanager
@@ -317,7 +317,7 @@ class _Run:
             interrupted=engine is not None and engine.interrupts > 0,
             driver=self._driver_failed,
             recording=recording,
-            airborne=[vehicle.name for vehicle in vehicles if is_airborne(vehicle, vehicles)],
+            in_air=[vehicle.name for vehicle in vehicles if is_in_air(vehicle, vehicles)],
             expected_faults=expected_faults(self._plan.expectations),
         )
         return summarise(

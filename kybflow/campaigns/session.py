@@ -24,7 +24,7 @@ from kybflow.core.errors import DRIVER_FAILED, FAILED, INTERRUPTED, INVALID
 from kybflow.runtime.interrupts import Interrupts
 
 Fly = Callable[[FlightCase], FlightResult]
-_LOOK = 0.1
+_INTERRUPT_POLL_S = 0.1
 """The longest time until the session notices an interrupt, s."""
 _EXIT: tuple[tuple[Verdict, int], ...] = (
     ("invalid", INVALID),
@@ -108,7 +108,7 @@ class Pool:
             for worker in self._workers:
                 worker.land()
         busy = [worker for worker in self._workers if worker.case is not None]
-        ready = wait([worker.line for worker in busy], _LOOK) if busy else []
+        ready = wait([worker.line for worker in busy], _INTERRUPT_POLL_S) if busy else []
         for worker in busy:
             if worker.line not in ready:
                 continue

@@ -26,14 +26,14 @@ from kybflow.cli import commands
 from kybflow.cli.output import GuardedStream, Unwritable, echo
 from kybflow.core.errors import FAILED, INTERRUPTED, INVALID, KybflowError
 
-YOUNG = 200_000
+GARBAGE_THRESHOLD = 200_000
 """New objects between two garbage collections. A command creates many objects and drops few; with
 Python's default of 700, a tenth of its start would be collections. A flight sets its own
 thresholds."""
 UNUSED = {"OPENBLAS_NUM_THREADS": "1", "MUJOCO_GL": "off"}
 """Environment variables that switch off library features to start faster: a flight multiplies no
 large matrices, and MuJoCo's window has its own OpenGL. A value set by the user takes precedence."""
-_SHOWN = 100
+_SHOWN_CHARACTERS = 100
 _NEVER = frozenset({errno.ENAMETOOLONG, errno.ELOOP})
 
 
@@ -47,7 +47,7 @@ def _useless(value: object) -> str:
             value.stat()
         except OSError as error:
             if error.errno in _NEVER:
-                return f"`{str(value)[:_SHOWN]}` can't be a path: {error.strerror}"
+                return f"`{str(value)[:_SHOWN_CHARACTERS]}` can't be a path: {error.strerror}"
     return ""
 
 
@@ -66,7 +66,7 @@ class Commands(TyperGroup):
             except UnicodeError:
                 is_text = False
             if not is_text:  # a shell can't pass it, and typer's paths would raise
-                raise BadParameter(f"{word[:_SHOWN]!r} is not valid text")
+                raise BadParameter(f"{word[:_SHOWN_CHARACTERS]!r} is not valid text")
         return super().parse_args(ctx, args)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
@@ -121,7 +121,7 @@ def kybflow(
 
 def main() -> None:
     """Run the command line; the entry point of the console script."""
-    gc.set_threshold(YOUNG)
+    gc.set_threshold(GARBAGE_THRESHOLD)
     interrupts = _counted_interrupts()
     warnings.showwarning = lambda message, *_, **__: echo(f"warning: {message}", err=True)
     os.environ.update(UNUSED | os.environ)

@@ -25,7 +25,7 @@ from kybflow.core.files import CONTROL, write_whole
 SUFFIX = ".sock"
 LONGEST_PATH = 107
 """The most bytes in a socket's path (`sun_path` in unix(7), without the final zero byte)."""
-_ROOM = 40
+_SOCKET_NAME_BYTES = 40
 """Bytes of the longest path that must remain for the name of a socket."""
 _TEMPORARY = "/tmp"
 _PEER = struct.Struct("3i")
@@ -68,7 +68,7 @@ def folders() -> Iterator[Path]:
     given = os.environ.get("XDG_RUNTIME_DIR", "")
     if os.path.isabs(given) and _is_own(given):
         path = Path(given, "kybflow")
-        if len(os.fsencode(path)) + _ROOM <= LONGEST_PATH:
+        if len(os.fsencode(path)) + _SOCKET_NAME_BYTES <= LONGEST_PATH:
             yield path
     yield Path(_TEMPORARY, f"kybflow-{os.geteuid()}")
 
@@ -154,9 +154,7 @@ def is_served(path: Path) -> bool:
 def write_address(folder: Path, path: Path) -> None:
     """Write the path of the socket into the run folder. Raises OSError."""
     text = json.dumps({"kybflow": 1, "socket": os.fspath(path), "pid": os.getpid()})
-    written = folder / f"{CONTROL}.part"
-    write_whole(written, text.encode() + b"\n")
-    written.replace(folder / CONTROL)  # a reader never sees half of it
+    write_whole(folder / CONTROL, text.encode() + b"\n")
 
 
 def find_run(run: str | None) -> Path:

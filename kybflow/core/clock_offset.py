@@ -8,10 +8,10 @@ estimate is the minimum over the last ten seconds, in buckets of one second; it 
 can observe.
 
 A single wrong time stamp far ahead would be the minimum for ten seconds. A reading that is more
-than `NEAR` below the estimate, or that comes before there is an estimate, is therefore accepted
-only once `AGREED` readings with different time stamps within a second lie within `NEAR` of it (the
-remote clock was set ahead, or the link was slow at first). Until then, each message counts as sent
-when it arrived.
+than `MAX_LEAD_NS` below the estimate, or that comes before there is an estimate, is therefore
+accepted only once `AGREEING_READINGS` readings with different time stamps within a second lie
+within `MAX_LEAD_NS` of it (the remote clock was set ahead, or the link was slow at first). Until
+then, each message counts as sent when it arrived.
 
 If the remote clock is set back, a whole bucket stays far above the minimum, and all earlier buckets
 are discarded.
@@ -25,12 +25,12 @@ from kybflow.core.signals import NS, Time
 
 BUCKET: Time = NS
 BUCKETS = 10
-STEP: Time = NS // 4
+CLOCK_STEP_NS: Time = NS // 4
 """If a whole bucket stays further than this above the minimum, the remote clock was set back,
 ns."""
-NEAR: Time = NS // 20
+MAX_LEAD_NS: Time = NS // 20
 """A single reading is accepted only if it is at most this far below the estimate, ns."""
-AGREED = 3
+AGREEING_READINGS = 3
 MOST_DOUBTED = 50
 
 
@@ -53,7 +53,7 @@ class Offset:
         before it was sent."""
         reading, believed = here - there, self._now
         self.is_doubted = False
-        if believed is None or reading < believed - NEAR:
+        if believed is None or reading < believed - MAX_LEAD_NS:
             agreed = self._agreed(here, there, reading)
             if agreed is None:
                 self.is_doubted = believed is not None
@@ -70,8 +70,8 @@ class Offset:
             doubted.popleft()
         if not doubted or doubted[-1][1] != there:  # the bodies of one frame share a time stamp
             doubted.append((here, there, reading))
-        near = {stamp: other for _, stamp, other in doubted if abs(other - reading) <= NEAR}
-        if len(near) < AGREED:
+        near = {stamp: other for _, stamp, other in doubted if abs(other - reading) <= MAX_LEAD_NS}
+        if len(near) < AGREEING_READINGS:
             return None
         doubted.clear()
         return min(near.values())
@@ -84,7 +84,7 @@ class Offset:
             return min(least)
         if self._bucket is not None and bucket > self._bucket + BUCKETS:
             least.clear()
-        elif least and least[-1] > min(least) + STEP:
+        elif least and least[-1] > min(least) + CLOCK_STEP_NS:
             last = least[-1]
             least.clear()
             least.append(last)

@@ -64,16 +64,20 @@ class FilePath(str):
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file completely or not at all: if writing fails or is interrupted, the file is
-    removed. A file that can't be opened stays unchanged. Raises OSError."""
-    stream = path.open("wb")
+    """Write a file completely or not at all: the data goes to a file beside it, which then takes
+    its place, so that nobody reads half of it. If writing fails, a previous file stays. A device or
+    a pipe is written to directly. Raises OSError."""
+    whole = path.resolve()
+    if whole.exists() and not whole.is_file():
+        path.write_bytes(data)
+        return
+    aside = whole.with_name(f".{whole.name}.part")
     try:
-        with stream:
-            stream.write(data)
+        aside.write_bytes(data)
+        aside.replace(whole)
     except BaseException:
         with suppress(OSError):
-            if path.is_symlink() or path.is_file():  # devices, such as /dev/full, are kept
-                path.unlink()
+            aside.unlink()
         raise
 
 

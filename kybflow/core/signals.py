@@ -443,10 +443,10 @@ class Tick(NamedTuple):
     behavior was entered. fleet: every vehicle's estimate by name, frozen before any behavior runs;
     None for a vehicle without one. setpoint: the one that the tracker followed in the last tick.
     imu: the newest IMU measurement, if the vehicle subscribes to it. link_age: seconds since the
-    link last delivered anything. link_delay: the round-trip time to the vehicle in seconds, zero
-    while unknown. payload: where the payload is, None while unknown. inputs: the readings of the
-    mission's inputs. neighbours: what the vehicles have published in earlier ticks. moving: the
-    moving obstacles.
+    vehicle's last measurement; other messages, such as heartbeats, don't count. link_delay: the
+    round-trip time to the vehicle in seconds, zero while unknown. payload: where the payload is,
+    None while unknown. inputs: the readings of the mission's inputs. neighbours: what the vehicles
+    have published in earlier ticks. moving: the moving obstacles.
     """
 
     now: Time

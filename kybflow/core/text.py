@@ -13,8 +13,8 @@ from bisect import bisect
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-_LONGEST = 80
-_COMPARED = 300
+_MAX_NAME = 80
+_MOST_COMPARED = 300
 """The most names that are compared, because comparing every unknown name with thousands would take
 too long."""
 
@@ -36,10 +36,10 @@ def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str:
     Only the first 80 characters of `name` are compared; if there are many known names, only its
     alphabetical neighbours are considered."""
     names = sorted(known)
-    if len(names) > _COMPARED:
+    if len(names) > _MOST_COMPARED:
         place = bisect(names, name)
-        names = names[max(0, place - _COMPARED // 2) : place + _COMPARED // 2]
-    near = get_close_matches(name[:_LONGEST], names, n=1, cutoff=cutoff)
+        names = names[max(0, place - _MOST_COMPARED // 2) : place + _MOST_COMPARED // 2]
+    near = get_close_matches(name[:_MAX_NAME], names, n=1, cutoff=cutoff)
     return near[0] if near else ""
 
 

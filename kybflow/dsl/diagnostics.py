@@ -229,9 +229,9 @@ def goals_like(name: str, states: Iterable[str]) -> list[str]:
     return list(dict.fromkeys([state.partition(".")[0] for state in states]))
 
 
-_WIDEST = 160
+_MAX_LINE = 160
 """Longer source lines are cut around the marked text, characters."""
-_LONGEST = 500
+_MAX_TEXT = 500
 
 
 def render(diagnostic: Diagnostic, texts: dict[str, str]) -> str:
@@ -264,13 +264,13 @@ def _source(span: Span, label: str, texts: dict[str, str]) -> Iterator[str]:
     start = min(span.column - 1, len(line))
     end = span.end_column - 1 if span.end_line == span.line else len(line.rstrip())
     end = max(min(end, len(line)), start + 1)
-    first = 0 if len(line) <= _WIDEST else max(0, min(start - 40, len(line) - _WIDEST))
-    shown = line[first : first + _WIDEST].rstrip()
+    first = 0 if len(line) <= _MAX_LINE else max(0, min(start - 40, len(line) - _MAX_LINE))
+    shown = line[first : first + _MAX_LINE].rstrip()
     if first:
         shown = "..." + shown[3:]
-    if len(line) > first + _WIDEST:
+    if len(line) > first + _MAX_LINE:
         shown += "..."
-    marks = "^" * min(end - start, _WIDEST - (start - first))
+    marks = "^" * min(end - start, _MAX_LINE - (start - first))
     yield f"{span.line:>5} | {shown}"
     yield f"      | {' ' * (start - first)}{marks} {label}".rstrip()
 
@@ -298,7 +298,7 @@ def render_all(diagnostics: Iterable[Diagnostic], texts: dict[str, str]) -> list
 
 def clipped(text: str) -> str:
     """Return `text` with its middle omitted if it is longer than 500 characters."""
-    return text if len(text) <= _LONGEST else f"{text[:200]} ... {text[-200:]}"
+    return text if len(text) <= _MAX_TEXT else f"{text[:200]} ... {text[-200:]}"
 
 
 def printable(text: str) -> str:

@@ -228,8 +228,8 @@ class VehicleMachine(StateMachine):
     """The machine of one vehicle, whose owner builds a behavior on entry into each state.
 
     starts: builds the behavior of a requested state before the present state is left; if it raises,
-    nothing changes. airborne: decides between `brake` and `landed` if a behavior did not start and
-    no transition leads elsewhere. latched: returns whether the failsafe is latched; if so, a
+    nothing changes. off_ground: decides between `brake` and `landed` if a behavior did not start
+    and no transition leads elsewhere. latched: returns whether the failsafe is latched; if so, a
     transition to `landed` leads to `fault` instead.
     """
 
@@ -240,7 +240,7 @@ class VehicleMachine(StateMachine):
         on_enter: Callable[[str], None],
         on_exit: Callable[[Exit], None],
         starts: Callable[[str], bool],
-        airborne: Callable[[], bool],
+        off_ground: Callable[[], bool],
         latched: Callable[[], bool],
         welcome: Callable[[str], bool] = lambda _: True,
     ) -> None:
@@ -259,7 +259,7 @@ class VehicleMachine(StateMachine):
             self._declare_ways(name, state.transitions, conditions)
             if state.built_in:
                 declare(f"built-in {name}", list(states), name)
-        declare("give_up", list(states), BRAKE, lambda _: airborne())
+        declare("give_up", list(states), BRAKE, lambda _: off_ground())
         declare("give_up", list(states), LANDED)
 
     def enter_built_in(self, state: str) -> None:

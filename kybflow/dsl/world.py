@@ -18,10 +18,10 @@ from kybflow.core.params import NAMED, key, record
 from kybflow.core.units import NUMBER, Angle, Duration, Frequency, Length, Position
 from kybflow.dsl.calibration_file import read_calibration
 from kybflow.dsl.language.records import Record
-from kybflow.vision.tags import FAMILIES, LARGEST, read_tags
+from kybflow.vision.tags import FAMILIES, MAX_TAG, read_tags
 from kybflow.world.cameras import Camera
 from kybflow.world.obstacle_files import read_image, read_info, read_points
-from kybflow.world.scanned import FARTHEST
+from kybflow.world.scanned import MAX_RANGE
 from kybflow.world.shapes import Box, MovingSphere, Shape
 from kybflow.world.tags import Tag
 
@@ -78,7 +78,7 @@ class GridParams(Record):
 
     family: Family = key("Family of the tags.")
     count: tuple[int, ...] = key("How many: [columns, rows].", at_least=1)
-    size: Length = key("Side of a tag's black square.", above=0.0, at_most=LARGEST)
+    size: Length = key("Side of a tag's black square.", above=0.0, at_most=MAX_TAG)
     spacing: Length = key("Gap between the black squares.", at_least=0.0)
     first: int = key("Number of the first tag.", default=0, at_least=0)
     at: Position = key("Centre of the first tag, world frame.", default=ZERO)
@@ -97,7 +97,7 @@ class TagParams(Record):
 
     family: Family = key("Family of the tag.")
     id: int = key("Its number.", at_least=0)
-    size: Length = key("Side of its black square.", above=0.0, at_most=LARGEST)
+    size: Length = key("Side of its black square.", above=0.0, at_most=MAX_TAG)
     at: Position = key("Its centre, world frame.")
     heading: Angle = key(_HEADING, default=0.0)
     facing: TagFacing = key(_FACES, default="up")
@@ -132,9 +132,11 @@ class OccupancyParams(Record):
     file: File = key(
         "A map's YAML file of ROS's map_server, beside its PGM image.", reads=read_info
     )
-    height: Length = key("Height of the columns above their foot.", at_least=1e-3, at_most=FARTHEST)
+    height: Length = key(
+        "Height of the columns above their foot.", at_least=1e-3, at_most=MAX_RANGE
+    )
     foot: Length = key(
-        "Height of the foot, world frame.", default=0.0, at_least=-FARTHEST, at_most=FARTHEST
+        "Height of the foot, world frame.", default=0.0, at_least=-MAX_RANGE, at_most=MAX_RANGE
     )
 
 

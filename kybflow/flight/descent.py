@@ -8,7 +8,7 @@ The upward speed v is not measured but estimated from the thrust and the IMU sam
 it can be trusted. With s the commanded thrust over the estimated hover thrust T0, after the rotors'
 lag, l the specific force at s = 1, and f the measured one, less its error at rest:
 
-    v' = l s - g,   l' = 0 +- WANDER,   f = l s +- r
+    v' = l s - g,   l' = 0 +- LIFT_WANDER,   f = l s +- r
 
 This is a Kalman filter with the states v and l (Simon, "Optimal State Estimation", sec. 5.1). l
 begins at g, and r^2, the variance of a sample, is half the mean square of the difference of
@@ -54,32 +54,32 @@ from math import sqrt
 
 from kybflow.core.geometry import GRAVITY
 
-SPEED, GROWTH, BEND, SURE = 0.3, 0.06, 0.025, 2.0
-STIFFNESS, HARDEST = 3.0, 2.0
-UNSURE_SPEED, UNSURE_LIFT, WANDER = 0.08, 0.1 * GRAVITY, 0.5
+SPEED, GROWTH, BEND, CAUTION = 0.3, 0.06, 0.025, 2.0
+STIFFNESS, MAX_PULL = 3.0, 2.0
+SPEED_SPREAD, LIFT_SPREAD, LIFT_WANDER = 0.08, 0.1 * GRAVITY, 0.5
 """Initial standard deviations of the speed, m/s, and of the lift `l`, m/s^2; how much `l` may
 change, m/s^2 per root of a second."""
-CLIP, HARDEST_STOP = 3.0, 2.0
+DOWNWARD_LIMIT, UPWARD_LIMIT = 3.0, 2.0
 """Limits of the effect of one sample: downward, in standard deviations; upward, since the sample
 may be the floor stopping the vehicle, in m/s of speed."""
-LAG = 0.05
+ROTOR_LAG_S = 0.05
 """Assumed time constant of the rotors, seconds."""
 FIRST_NOISE, LEAST_NOISE, NOISE_TIME = 1.0, 0.05, 0.1
 """Noise of a sample before it is measured, and its least value, m/s^2; seconds over which it is
 averaged."""
-BRIEFLY, LONGER = (1.6, 1.5, 0.2), (1.12, 7.5, 0.06)
+BRIEF_BOUND, LASTING_BOUND = (1.6, 1.5, 0.2), (1.12, 7.5, 0.06)
 """Two bounds of the thrust over the hover thrust, of which the larger one applies: the initial
 bound, the seconds for which it holds, and its decrease per second after that."""
-TRUSTED = (1.0, 1.2, 0.5)
+TRUSTED_CLIMB = (1.0, 1.2, 0.5)
 """Upward speed beyond w(t) that the IMU alone may ask for, m/s: the initial value, the seconds for
 which it holds, and its decrease per second after that."""
-WRONG = 1.0
+MAX_BIAS = 1.0
 """How much too low the readings of an accelerometer may be, m/s^2."""
-LEAST = 0.25
-ERROR = 0.12
+MIN_THRUST = 0.25
+MAX_ERROR = 0.12
 """Largest relative correction of the initial hover thrust in `Descent.hover`."""
-IMPACT, CLEAR, DEAF = 8.0, 6.0, 0.2
-IDLE, WEIGHT, RESTED = 0.33, 0.9 * GRAVITY, 0.1
+IMPACT_FORCE, SIGMAS, DEAF_S = 8.0, 6.0, 0.2
+RESTING_THRUST, RESTING_FORCE, RESTING_TIME_S = 0.33, 0.9 * GRAVITY, 0.1
 
 
 class Descent:
@@ -98,7 +98,7 @@ class Descent:
         self._hover, self._most = hover, most
         self._error = rest - GRAVITY
         self._speed, self._lift = climb, GRAVITY
-        self._slow, self._both, self._unsure = UNSURE_SPEED**2, 0.0, UNSURE_LIFT**2
+        self._slow, self._both, self._unsure = SPEED_SPREAD**2, 0.0, LIFT_SPREAD**2
         self._noise = FIRST_NOISE**2
         self._last: float | None = None
         self._time = self._rested = 0.0
@@ -108,22 +108,22 @@ class Descent:
     @property
     def hover(self) -> float:
         """The corrected estimate of the hover thrust, N."""
-        return self._hover * max(min(GRAVITY / self._lift, 1.0 + ERROR), 1.0 - ERROR)
+        return self._hover * max(min(GRAVITY / self._lift, 1.0 + MAX_ERROR), 1.0 - MAX_ERROR)
 
     def step(self, lift: float, dt: float) -> float | None:
         """Return the thrust to command (N), or None after touch-down. lift: the mean specific force
         along body z (m/s^2) over the last `dt` seconds."""
         self._time += dt
         lift -= self._error
-        self._given += (self._share - self._given) * dt / (LAG + dt)
+        self._given += (self._share - self._given) * dt / (ROTOR_LAG_S + dt)
         self._listen(lift, dt)
         excess = lift - self._lift * self._given
-        struck = self._time > DEAF and excess > max(IMPACT, CLEAR * sqrt(self._noise))
+        struck = self._time > DEAF_S and excess > max(IMPACT_FORCE, SIGMAS * sqrt(self._noise))
         self._predict(dt)
-        self._correct(min(excess, HARDEST_STOP / dt))
-        carried = self._given < IDLE and self._lift * self._given > WEIGHT
+        self._correct(min(excess, UPWARD_LIMIT / dt))
+        carried = self._given < RESTING_THRUST and self._lift * self._given > RESTING_FORCE
         self._rested = self._rested + dt if carried else 0.0
-        if struck or self._rested >= RESTED or _bound(LONGER, self._time) <= 0.0:
+        if struck or self._rested >= RESTING_TIME_S or _bound(LASTING_BOUND, self._time) <= 0.0:
             return None
         return min(self._hover * self._ask(), self._most)
 
@@ -131,7 +131,7 @@ class Descent:
         """Update the noise of the IMU samples."""
         last, self._last = self._last, lift
         if last is not None:
-            change = min(abs(lift - last), IMPACT)
+            change = min(abs(lift - last), IMPACT_FORCE)
             self._noise += (0.5 * change * change - self._noise) * dt / (NOISE_TIME + dt)
             self._noise = max(self._noise, LEAST_NOISE**2)
 
@@ -141,14 +141,14 @@ class Descent:
         self._pushed += GRAVITY * (pushed * self._sure / self._weakness - dt)
         self._slow += pushed * (2.0 * self._both + pushed * self._unsure)
         self._both += pushed * self._unsure
-        self._unsure += WANDER * WANDER * dt
+        self._unsure += LIFT_WANDER * LIFT_WANDER * dt
 
     def _correct(self, excess: float) -> None:
         """Correct the speed and the lift. excess: the measured specific force less the expected
         one, m/s^2."""
         share = self._given
         total = share * share * self._unsure + self._noise
-        excess = max(excess, -CLIP * sqrt(total))
+        excess = max(excess, -DOWNWARD_LIMIT * sqrt(total))
         gain_speed, gain_lift = share * self._both / total, share * self._unsure / total
         self._speed += gain_speed * excess
         self._lift = max(self._lift + gain_lift * excess, 1.0)
@@ -159,14 +159,14 @@ class Descent:
     def _ask(self) -> float:
         """Return the next thrust divided by the hover thrust."""
         time = self._time
-        wanted = -(SPEED + time * (GROWTH + time * BEND) + SURE * sqrt(max(self._slow, 0.0)))
+        wanted = -(SPEED + time * (GROWTH + time * BEND) + CAUTION * sqrt(max(self._slow, 0.0)))
         pull = STIFFNESS * (wanted - self._speed)
-        pull = -HARDEST if pull < -HARDEST else HARDEST if pull > HARDEST else pull
+        pull = -MAX_PULL if pull < -MAX_PULL else MAX_PULL if pull > MAX_PULL else pull
         self._weakness = weakness = _weakness(self._lift)
-        highest = wanted + max(_bound(TRUSTED, time), 0.0)
+        highest = wanted + max(_bound(TRUSTED_CLIMB, time), 0.0)
         most = weakness / self._sure * (1.0 + STIFFNESS * (highest - self._pushed) / GRAVITY)
-        most = min(most, max(_bound(BRIEFLY, time), _bound(LONGER, time)))
-        self._share = share = max(min((GRAVITY + pull) / self._lift, most), LEAST)
+        most = min(most, max(_bound(BRIEF_BOUND, time), _bound(LASTING_BOUND, time)))
+        self._share = share = max(min((GRAVITY + pull) / self._lift, most), MIN_THRUST)
         return share
 
 
@@ -178,5 +178,5 @@ def _bound(bound: tuple[float, float, float], time: float) -> float:
 def _weakness(lift: float) -> float:
     """Return the true hover thrust divided by the learnt one. A low lift may be an error of the
     accelerometer: up to 1 m/s^2 below gravity it is not believed, from 2 m/s^2 on fully."""
-    wrong = min(WRONG, max(2.0 * WRONG + lift - GRAVITY, 0.0))
+    wrong = min(MAX_BIAS, max(2.0 * MAX_BIAS + lift - GRAVITY, 0.0))
     return max(GRAVITY / (lift + wrong), 1.0)

@@ -10,18 +10,18 @@ from kybflow.core.geometry import GRAVITY, ZERO, Vec3, rotate, rotate_back
 from kybflow.core.signals import IMU_TIMEOUT, Estimate, Imu
 from kybflow.world.vehicle_context import Airframe
 
-WASHOUT = 3.0
+WASHOUT_TIME_S = 3.0
 """Seconds in which a steady upward disturbance moves to the mass estimate. Along x and y it stays
 in this estimate, together with the accelerometer's bias, which the law's integral compensates."""
-SETTLING = 2.0
+SETTLING_TIME_S = 2.0
 """Seconds of flight in which the mass estimate settles. Until then the measured disturbance is
-mostly the error of the mass: if it were learned as lasting, subtracting it for `WASHOUT` seconds
+mostly the error of the mass: if it were learned as lasting, subtracting it for `WASHOUT_TIME_S`
 would let the vehicle sink."""
-SHAKEN = 1.0
+SHAKING_RATE = 1.0
 """Turn rate of body z, rad/s, at which half of the bandwidth is left. While body z turns fast, the
 measured force comes from the vehicle's own swinging, delayed, and compensating for it would sustain
 the swinging."""
-LARGEST = 2.0
+MAX_PUSH = 2.0
 """The largest estimate along each axis, m/s^2, as from a wind of 8 m/s on an airframe with drag
 0.25."""
 
@@ -37,11 +37,11 @@ class DisturbanceObserver:
         e' = w (d - l e3 - e) / (1 + (r / S)^2),  l' = (d . e3 - l) / L
 
     f: specific force, body. R: attitude, z = R e3. c: the airframe's drag. u: the commanded
-    specific force along z; F: the force that results from rotors with the time constant T. e:
-    the estimate, which averages noise over 1 / w. l: the upward disturbance that lasts for L,
-    `WASHOUT`; it stays zero for the first `SETTLING` seconds. r: the rate at which body z turns; S: `SHAKEN`. Neither the thrust nor the mass
-    acts along body x and y, so the estimate there doesn't depend on the command and can't make
-    the loop unstable.
+    specific force along z; F: the force that results from rotors with the time constant T. e: the
+    estimate, which averages noise over 1 / w. l: the upward disturbance that lasts for L,
+    `WASHOUT_TIME_S`; it stays zero for the first `SETTLING_TIME_S`. r: the rate at which body z
+    turns; S: `SHAKING_RATE`. Neither the thrust nor the mass acts along body x and y, so the
+    estimate there doesn't depend on the command and can't make the loop unstable.
 
     The observer is that of Smeur, Chu and de Croon (Adaptive Incremental Nonlinear Dynamic
     Inversion, JGCD 2016, sec. III; outer loop: Cascaded incremental nonlinear dynamic inversion
@@ -76,11 +76,11 @@ class DisturbanceObserver:
         dx, dy, dz = rotate(attitude, (fx + drag * vx, fy + drag * vy, fz - self._given))
         ex, ey, ez = self.acceleration
         rx, ry, _ = estimate.angular_velocity
-        calm = 1.0 + (rx * rx + ry * ry) / (SHAKEN * SHAKEN)
+        calm = 1.0 + (rx * rx + ry * ry) / (SHAKING_RATE * SHAKING_RATE)
         share = (1.0 - 1.0 / (1.0 + tau * bandwidth * dt)) / calm
         self._flown += dt
-        if self._flown > SETTLING:
-            self._lasting += dt / (WASHOUT + dt) * (dz - self._lasting)
+        if self._flown > SETTLING_TIME_S:
+            self._lasting += dt / (WASHOUT_TIME_S + dt) * (dz - self._lasting)
         dz -= self._lasting
         ex, ey, ez = ex + share * (dx - ex), ey + share * (dy - ey), ez + share * (dz - ez)
         self.acceleration = _bounded(ex), _bounded(ey), _bounded(ez)
@@ -94,20 +94,20 @@ class DisturbanceObserver:
 
 
 def _bounded(value: float) -> float:
-    return LARGEST if value > LARGEST else -LARGEST if value < -LARGEST else value
+    return MAX_PUSH if value > MAX_PUSH else -MAX_PUSH if value < -MAX_PUSH else value
 
 
 BANDWIDTH = 2.0
 """The filter's bandwidth a, rad/s. With TeleKyb's 0.2 the estimate takes half a minute to
 converge."""
-FORGETTING = 2.0
+FORGETTING_RATE = 2.0
 LARGEST_GAIN = 4.0
 SMALLEST_GAIN = 0.01
-LOWEST, HIGHEST = 0.5, 2.0
+MIN_WEIGHT, MAX_WEIGHT = 0.5, 2.0
 SPOOL_START = 0.6
 SPOOL_RATE = 1.0
 """Rate at which the assumed weight rises on the ground, in airframe weights per second."""
-WAVERING = 0.5
+LIFT_OFF_TIME_S = 0.5
 """Seconds above the ground after which the vehicle certainly flies, even if its height falls again
 later."""
 
@@ -155,9 +155,9 @@ class MassEstimator:
         """Raise the assumed mass on the ground while a climb is requested. If a noisy height was
         mistaken for flight, raise the first estimate instead."""
         if self._inverse is None:
-            self._spool = min(HIGHEST, self._spool + SPOOL_RATE * dt)
-        elif self._flown < WAVERING:
-            self._inverse = 1.0 / min(HIGHEST, 1.0 / self._inverse + SPOOL_RATE * dt)
+            self._spool = min(MAX_WEIGHT, self._spool + SPOOL_RATE * dt)
+        elif self._flown < LIFT_OFF_TIME_S:
+            self._inverse = 1.0 / min(MAX_WEIGHT, 1.0 / self._inverse + SPOOL_RATE * dt)
 
     def update(self, lift: float, speed: float, dt: float) -> None:
         """Update the estimate in the air. lift: the commanded thrust along world z, N. speed: the
@@ -165,7 +165,7 @@ class MassEstimator:
         lift *= self._per_weight
         self._flown += dt
         if self._inverse is None:
-            self._inverse = min(1.0 / LOWEST, max(1.0 / HIGHEST, 1.0 / self._spool))
+            self._inverse = min(1.0 / MIN_WEIGHT, max(1.0 / MAX_WEIGHT, 1.0 / self._spool))
             self._lift, self._speed = lift, speed
             return
         share = BANDWIDTH * dt / (1.0 + BANDWIDTH * dt)
@@ -175,6 +175,6 @@ class MassEstimator:
         w, gain = self._lift, self._gain
         error = 1.0 + BANDWIDTH * change / GRAVITY - w * self._inverse
         inverse = self._inverse + dt * gain * w * error
-        self._inverse = min(1.0 / LOWEST, max(1.0 / HIGHEST, inverse))
-        rate = FORGETTING * (1.0 - gain / LARGEST_GAIN) * gain - gain * gain * w * w
+        self._inverse = min(1.0 / MIN_WEIGHT, max(1.0 / MAX_WEIGHT, inverse))
+        rate = FORGETTING_RATE * (1.0 - gain / LARGEST_GAIN) * gain - gain * gain * w * w
         self._gain = min(LARGEST_GAIN, max(SMALLEST_GAIN, gain + dt * rate))

@@ -15,16 +15,16 @@ from kybflow.flight.steering import Steering
 from kybflow.flight.steering_params import SteeringParams
 from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext
 
-FRESH = 0.03
+FRESH_S = 0.03
 """Age (s) of an estimate that counts as without delay, if the driver declares no poses."""
 ON_BOARD = 0.07
 """Delay (s) of the on-board loop and the command link for which the gains are designed."""
-STALEST = 0.1
+MAX_LAG_S = 0.1
 """Largest additional delay of an estimate that is considered, s."""
-NOISE = 0.5
+SPREAD_SPEED = 0.5
 """The spread divided by this speed, m/s, counts as a delay, because uncertain poses are filtered
 for longer."""
-AGEING = 1.0
+DELAY_AVERAGING_S = 1.0
 """Seconds over which the delay is averaged."""
 
 
@@ -69,7 +69,7 @@ class GeometricLaw:
         self._steering = Steering(context, params.mass_guess)
         self._integral = (0.0, 0.0)
         loop = context.loop
-        self._fresh = FRESH if loop is None else loop.pose_latency + 2.0 * loop.pose_period
+        self._fresh = FRESH_S if loop is None else loop.pose_latency + 2.0 * loop.pose_period
         self._late = 0.0
         self._observer = DisturbanceObserver(context.airframe)
 
@@ -87,9 +87,9 @@ class GeometricLaw:
         up = body_z(estimate.attitude)
         # how much older the estimate is than the gains were designed for: a camera's is older than
         # motion capture's, and one from GPS is filtered for long
-        late = estimate.age + estimate.spread / NOISE - self._fresh
-        late = 0.0 if late < 0.0 else STALEST if late > STALEST else late
-        self._late += dt / (AGEING + dt) * (late - self._late)
+        late = estimate.age + estimate.spread / SPREAD_SPEED - self._fresh
+        late = 0.0 if late < 0.0 else MAX_LAG_S if late > MAX_LAG_S else late
+        self._late += dt / (DELAY_AVERAGING_S + dt) * (late - self._late)
         wanted, turning = self._wanted(p, setpoint, estimate, up, dt)
         if p.observer == 0.0 or not steering.flies:
             self._observer.rest()

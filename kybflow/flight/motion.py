@@ -17,7 +17,7 @@ from kybflow.core.geometry import ZERO, Vec3, add, heading_of, norm, scale, sub,
 from kybflow.core.signals import Estimate, Setpoint, SetpointKind
 from kybflow.core.units import DEG
 
-STEEPEST = 15.0 / 8.0
+MAX_SLOPE = 15.0 / 8.0
 """The largest slope of the smoothstep, at its middle."""
 _NO_DISTANCE = 1e-12
 _SHORTEST_RAMP = 0.5
@@ -103,10 +103,10 @@ class Profile:
         vehicle.
         """
         length = max(distance, 0.0)
-        peak = min(speed, sqrt(length * acceleration / STEEPEST))
+        peak = min(speed, sqrt(length * acceleration / MAX_SLOPE))
         if length < peak * _SHORTEST_RAMP:
             return cls(distance, length / _SHORTEST_RAMP, _SHORTEST_RAMP)
-        return cls(distance, peak, STEEPEST * peak / acceleration)
+        return cls(distance, peak, MAX_SLOPE * peak / acceleration)
 
     @classmethod
     def paced(cls, distance: float, pace: Pace) -> Profile:
@@ -152,8 +152,8 @@ IDLE = Setpoint(SetpointKind.IDLE)
 """The setpoint for rotors at rest, on the ground."""
 COAST_ACCELERATION = 1.5
 """Deceleration (m/s^2) with which a behavior brings its entry velocity to rest."""
-_SHORTEST = 0.5
-_STILL = 1e-6
+_MIN_STOP_S = 0.5
+_REST_SPEED = 1e-6
 
 
 class Motion(NamedTuple):
@@ -240,8 +240,8 @@ class Coast:
     def __init__(self, origin: Vec3, velocity: Vec3, deceleration: float) -> None:
         self._origin, self._velocity = origin, velocity
         speed = norm(velocity)
-        still = speed < _STILL
-        self.duration = 0.0 if still else max(STEEPEST * speed / deceleration, _SHORTEST)
+        still = speed < _REST_SPEED
+        self.duration = 0.0 if still else max(MAX_SLOPE * speed / deceleration, _MIN_STOP_S)
         self.end = add(origin, scale(velocity, 0.5 * self.duration))
 
     @classmethod

@@ -13,16 +13,16 @@ with one further away than `widest`.
 The reference itself may be wrong, because dead reckoning drifts. So the gate opens for refused
 poses once
 
-    they have been consistent (`PoseTrack`) for `AGREED` seconds, without a gap of
-    `BREAK`, and
+    they have been consistent (`PoseTrack`) for `AGREEING_S`, without a gap of
+    `MAX_GAP_S`, and
     the first of them was within the formula above, without `widest`, of the last pose that passed,
     so that the vehicle can have got there.
 
 After that it no longer compares poses with the estimate on which the vehicle flies, until this is
 the estimator's own. Poses that pass by the formula, but are refused by the filter because its
-spread is too small, need to be consistent for `AGREED_NEARBY` only, so that an IMU that has just
+spread is too small, need to be consistent for `NEARBY_S` only, so that an IMU that has just
 failed doesn't cost the position. Poses that have jumped to where they are now must be consistent
-for `AGREED_ANEW`. Poses that jumped to where the vehicle can't be stay refused, and so do poses
+for `ANEW_S`. Poses that jumped to where the vehicle can't be stay refused, and so do poses
 after a gap that are nearer to them than to the reference. Radar confirms tracks in the same way, by
 measurements that are consistent with one another rather than with the old track (S. Blackman and R.
 Popoli, "Design and Analysis of Modern Tracking Systems", 1999), and so do EKF2 of PX4 and EKF3 of
@@ -43,12 +43,12 @@ from typing import Generic, NamedTuple, TypeVar
 from kybflow.core.geometry import Quat, Vec3, add, distance, scale, sub
 from kybflow.core.signals import NS, Estimate, Pose, Time
 
-CONFIRMED = 3
+AGREEING_POSES = 3
 """Consistent observations in a row that rule out a coincidence."""
-STEP, SPEED = 0.15, 4.0
-TURN, RATE = 0.8, 12.0
-_ALIGNED = 2.0 * sin(0.25 * TURN)
-"""The distance between two quaternions whose rotations differ by `TURN`."""
+REACH_STEP, REACH_SPEED = 0.15, 4.0
+REACH_TURN, REACH_TURN_RATE = 0.8, 12.0
+_ALIGNED_DISTANCE = 2.0 * sin(0.25 * REACH_TURN)
+"""The distance between two quaternions whose rotations differ by `REACH_TURN`."""
 
 T = TypeVar("T")
 
@@ -65,10 +65,10 @@ class Consistent(Generic[T]):
         self.seen = []
 
     def confirmed(self, observation: T) -> T | None:
-        """Add an observation. Once there are `CONFIRMED` of them, return the first and clear the
-        series; otherwise return None."""
+        """Add an observation. Once there are `AGREEING_POSES` of them, return the first and clear
+        the series; otherwise return None."""
         self.seen.append(observation)
-        if len(self.seen) < CONFIRMED:
+        if len(self.seen) < AGREEING_POSES:
             return None
         first = self.seen[0]
         self.seen = []
@@ -77,7 +77,7 @@ class Consistent(Generic[T]):
 
 def reach(seconds: float) -> float:
     """Return how far a vehicle can move in this time, metres."""
-    return STEP + SPEED * seconds
+    return REACH_STEP + REACH_SPEED * seconds
 
 
 def unexplained(last: Pose, pose: Pose) -> tuple[float, float] | None:
@@ -85,7 +85,7 @@ def unexplained(last: Pose, pose: Pose) -> tuple[float, float] | None:
     apart and how far they may be, in metres or, if only the attitude differs too much, in
     radians."""
     off = distance(pose.position, last.position)
-    if off <= STEP and dist(pose.attitude, last.attitude) <= _ALIGNED:
+    if off <= REACH_STEP and dist(pose.attitude, last.attitude) <= _ALIGNED_DISTANCE:
         return None  # the usual case
     seconds = (pose.time - last.time) / NS
     most = reach(seconds)
@@ -94,7 +94,7 @@ def unexplained(last: Pose, pose: Pose) -> tuple[float, float] | None:
     a, b, c, d = pose.attitude
     e, f, g, h = last.attitude
     turned = 2.0 * acos(min(1.0, abs(a * e + b * f + c * g + d * h)))
-    most = min(TURN + RATE * seconds, pi)
+    most = min(REACH_TURN + REACH_TURN_RATE * seconds, pi)
     return (turned, most) if turned > most else None
 
 
@@ -103,14 +103,13 @@ class PoseTrack:
 
     A flight explains a change from one pose to another, t seconds later, that is within
 
-        STEP + SPEED t        in position, and
-        TURN + RATE t         in attitude.
+        REACH_STEP + REACH_SPEED t           in position, and
+        REACH_TURN + REACH_TURN_RATE t     in attitude.
 
-    A pose that no flight explains is a reflection or another error. `CONFIRMED` such poses in a
-    row that are consistent with one another are a jump; the track then starts anew at the first
-    of them. (Radar starts tracks in the same way: S. Blackman and R. Popoli, "Design and
-    Analysis of Modern Tracking Systems", 1999, on track confirmation.) Metres, seconds,
-    radians.
+    A pose that no flight explains is a reflection or another error. `AGREEING_POSES` such poses in
+    a row that are consistent with one another are a jump; the track then starts anew at the first
+    of them. (Radar starts tracks in the same way: S. Blackman and R. Popoli, "Design and Analysis
+    of Modern Tracking Systems", 1999, on track confirmation.) Metres, seconds, radians.
 
     first, last: the body's first and last pose.
     """
@@ -143,12 +142,12 @@ class PoseTrack:
 
 ACCELERATION = 5.0
 LOOK_AHEAD = 0.25
-CURRENT = NS // 10
+CURRENT_AGE_NS = NS // 10
 SAME_ATTITUDE = 0.9239
 """Cosine of half of 45 degrees: the least dot product of two quaternions that count as equal."""
 UNKNOWN_PACE = 4.0
-AGREED, AGREED_ANEW, BREAK = 0.3, 1.0, 0.5
-AGREED_NEARBY = 0.1
+AGREEING_S, ANEW_S, MAX_GAP_S = 0.3, 1.0, 0.5
+NEARBY_S = 0.1
 
 
 class Reference(NamedTuple):
@@ -169,7 +168,7 @@ class Bounds(NamedTuple):
     gate: float
     widest: float
     settled: float
-    agreed: float = AGREED
+    agreed: float = AGREEING_S
 
 
 class Refusal(NamedTuple):
@@ -182,7 +181,7 @@ class Refusal(NamedTuple):
 
 class PoseGate:
     """The gate of one estimator. flown: the newest estimate of another estimator on which the
-    vehicle flew. refusal: why poses are refused, None while they pass; fewer than `CONFIRMED`
+    vehicle flew. refusal: why poses are refused, None while they pass; fewer than `AGREEING_POSES`
     refused poses in a row don't count."""
 
     __slots__ = (
@@ -197,7 +196,7 @@ class PoseGate:
         self._track = PoseTrack()
         self._newest: Time = 0
         self._count = 0
-        self._wait = AGREED
+        self._wait = AGREEING_S
         self._is_possible = False
         self._barred: Pose | None = None
 
@@ -205,7 +204,7 @@ class PoseGate:
         """Return the other estimator's estimate if the vehicle flies on it at `time` and the gate
         hasn't opened against it; otherwise None."""
         flown = self.flown
-        if flown is None or abs(time - flown.time) > CURRENT:
+        if flown is None or abs(time - flown.time) > CURRENT_AGE_NS:
             self._is_open = False
             return None
         return None if self._is_open else flown
@@ -219,7 +218,7 @@ class PoseGate:
 
     def passed(self, time: Time) -> None:
         """Record that a pose passed. Must be called while there is a `refusal`."""
-        if time - self._newest >= AGREED * NS:
+        if time - self._newest >= AGREEING_S * NS:
             self.refusal = None
 
     def opened(
@@ -233,12 +232,10 @@ class PoseGate:
         if first is None or last is not pose:
             return None  # one pose alone begins no track
         since = first.time if self.flown is None else max(first.time, self.flown.time)
-        wait = (
-            min(self._wait, AGREED_NEARBY) if self.passes(pose, reference, bounds) else self._wait
-        )
-        agree = self._count >= CONFIRMED and pose.time - first.time >= wait * NS
+        wait = min(self._wait, NEARBY_S) if self.passes(pose, reference, bounds) else self._wait
+        agree = self._count >= AGREEING_POSES and pose.time - first.time >= wait * NS
         if not (self._is_possible and agree) and pose.time - since < bounds.settled * NS:
-            if self.refusal is None and self._count >= CONFIRMED:
+            if self.refusal is None and self._count >= AGREEING_POSES:
                 self.refusal = Refusal(first.time, _reason(pose, reference, bounds))
             return None
         self.refusal, self._is_open, self._track = None, True, PoseTrack()
@@ -251,7 +248,7 @@ class PoseGate:
         """Continue the track of refused poses, or begin a new one."""
         last, newest, self._newest = self._track.last, self._newest, pose.time
         has_passed = own is not None and own.time > newest
-        if last is None or has_passed or pose.time - newest > BREAK * NS:
+        if last is None or has_passed or pose.time - newest > MAX_GAP_S * NS:
             self._track, self._count, self._wait = PoseTrack(), 1, bounds.agreed
             self._track.follow(pose)
             barred = None if has_passed else self._barred
@@ -261,7 +258,7 @@ class PoseGate:
                 < distance(pose.position, reference.position)
             )
         elif self._track.follow(pose) is not None:
-            self._count, self._wait = CONFIRMED, max(bounds.agreed, AGREED_ANEW)
+            self._count, self._wait = AGREEING_POSES, max(bounds.agreed, ANEW_S)
             self._is_possible = _may_begin(pose, own, bounds)
         elif self._track.last is pose:
             self._count += 1

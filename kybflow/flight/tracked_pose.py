@@ -23,12 +23,12 @@ from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Estimate, Pose, Time, made
 from kybflow.core.units import Duration, Frequency
 
-STEEPEST = 0.5
+MIN_UPRIGHT = 0.5
 """Least vertical component of body z at which its slope is used as an acceleration."""
-NOISY, CALMEST, CALMEST_UP, WARM = 0.008, 4.0, 2.0, 60
+NOISE_SCALE, MAX_SMOOTHING, MAX_SMOOTHING_UP, WARM_UP_POSES = 0.008, 4.0, 2.0, 60
 
 
-CALM = (0.0, 0.0)
+NO_PUSH = (0.0, 0.0)
 """No acceleration by a disturbance."""
 
 
@@ -73,7 +73,9 @@ class TrackedPose:
         """Let the filter start again at the next pose."""
         self.count = 0
 
-    def take(self, pose: Pose, velocity: Vec3 = ZERO, pushed: tuple[float, float] = CALM) -> None:
+    def take(
+        self, pose: Pose, velocity: Vec3 = ZERO, pushed: tuple[float, float] = NO_PUSH
+    ) -> None:
         """Process a pose that is newer than the last. velocity: the velocity to start with if the
         filter starts at this pose. pushed: the acceleration along x and y by a known disturbance,
         m/s^2, world."""
@@ -135,12 +137,12 @@ class TrackedPose:
         px, py, pz = px + dt * (vx + h * ax), py + dt * (vy + h * ay), pz + dt * vz
         ix, iy, iz = mx - px, my - py, mz - pz
         calm, p = 1.0, self._params
-        if self.count > WARM:
-            noise = self._variance / (NOISY * NOISY)
-            calm = min(1.0 + noise * noise, CALMEST)
+        if self.count > WARM_UP_POSES:
+            noise = self._variance / (NOISE_SCALE * NOISE_SCALE)
+            calm = min(1.0 + noise * noise, MAX_SMOOTHING)
         wn = tau * p.velocity_bandwidth * dt
         a, b = _gains(wn / calm, dt)
-        au, bu = (a, b) if calm <= CALMEST_UP else _gains(wn / CALMEST_UP, dt)
+        au, bu = (a, b) if calm <= MAX_SMOOTHING_UP else _gains(wn / MAX_SMOOTHING_UP, dt)
         self.position = (px + a * ix, py + a * iy, pz + au * iz)
         self.velocity = (vx + dt * ax + b * ix, vy + dt * ay + b * iy, vz + bu * iz)
         share = dt / (p.memory + dt)
@@ -166,7 +168,7 @@ class TrackedPose:
         vx, vy, _ = velocity
         drag = self._drag
         up = 1.0 - 2.0 * (x * x + y * y)
-        if up < STEEPEST:
+        if up < MIN_UPRIGHT:
             return (0.0, 0.0)
         k = 2.0 * GRAVITY / up
         return (k * (x * z + w * y) - drag * vx, k * (y * z - w * x) - drag * vy)

@@ -178,12 +178,12 @@ def vector_slopes(times: Sequence[float], values: Sequence[Vec3]) -> list[Vec3]:
     return list(zip(x, y, z, strict=True))
 
 
-REST = 0.05
+REST_SPEED = 0.05
 """Speed (m/s) below which a row counts as at rest."""
-_AGREE, _AGREE_SHARE = 0.1, 0.2
-_FINEST, _COARSEST = 0.02, 0.5
+_SPEED_TOLERANCE, _SPEED_SHARE = 0.1, 0.2
+_MIN_STEP_S, _MAX_STEP_S = 0.02, 0.5
 _MOST_SAMPLES = 20_000
-_STRAIGHT = 0.005
+_CHORD_ERROR = 0.005
 """How far the path between two samples may be from the straight line, metres."""
 
 
@@ -248,7 +248,7 @@ class Trajectory:
         """The extreme values of the curve and the points along it."""
         speed, fastest, sharp, sharpest = 0.0, self._lines[0], 0.0, self._lines[0]
         samples: list[tuple[float, Vec3, int]] = []
-        step = max(_FINEST, self.duration / _MOST_SAMPLES)
+        step = max(_MIN_STEP_S, self.duration / _MOST_SAMPLES)
         for piece, begin in enumerate(self._times[:-1]):
             h = self._times[piece + 1] - begin
             count = max(1, ceil(h / step))
@@ -272,7 +272,7 @@ def read_trajectory(file: File) -> Trajectory:
     it."""
     rows = read_table(file.text)
     for row, end in ((rows[0], "begins"), (rows[-1], "ends")):
-        if row.velocity is not None and norm(row.velocity) > REST:
+        if row.velocity is not None and norm(row.velocity) > REST_SPEED:
             raise FileError(
                 f"it {end} with {norm(row.velocity):.3g} m/s",
                 row.line,
@@ -294,7 +294,7 @@ def _check_velocities(rows: Sequence[TrajectoryPoint], accelerations: Sequence[V
             accelerations[i + 1], strict=True,
         ):  # fmt: skip
             moved, told = (q - p) / h, 0.5 * (v + w) - h * (d - c) / 12.0
-            if abs(moved - told) > _AGREE + _AGREE_SHARE * abs(moved):
+            if abs(moved - told) > _SPEED_TOLERANCE + _SPEED_SHARE * abs(moved):
                 message = f"from the row before it moves {moved:.3g} m/s, but says {told:.3g} m/s"
                 raise FileError(message, b.line, "check the columns and units of the velocities")
 
@@ -321,8 +321,8 @@ def _thinned(
 ) -> tuple[tuple[Vec3, int], ...]:
     """Return the few samples whose polyline stays near the curve: it is off by at most a h^2 /
     8."""
-    h = sqrt(8.0 * _STRAIGHT / sharpest) if sharpest > 0.0 else _COARSEST
-    h = min(max(h, _FINEST), _COARSEST)
+    h = sqrt(8.0 * _CHORD_ERROR / sharpest) if sharpest > 0.0 else _MAX_STEP_S
+    h = min(max(h, _MIN_STEP_S), _MAX_STEP_S)
     kept = [samples[0]]
     for sample, after in pairwise(samples[1:]):
         if after[0] - kept[-1][0] > h:

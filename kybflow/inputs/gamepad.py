@@ -41,17 +41,17 @@ from kybflow.parts import AXES, Input, InputLink, param, params
 from kybflow.parts.base import Objection
 from kybflow.parts.input import SticksOf
 
-_RAW = tuple(f"axis{i}" for i in range(sdl.NUMBERED))
+_RAW = tuple(f"axis{i}" for i in range(sdl.NUMBERS))
 SOURCES = (*sdl.PAD_AXES, *_RAW)
 BUTTONS = (
     *sdl.PAD_BUTTONS, "hat_left", "hat_right", "hat_down", "hat_up",
-    *(f"button{i}" for i in range(sdl.NUMBERED)),
+    *(f"button{i}" for i in range(sdl.NUMBERS)),
 )  # fmt: skip
 _COLUMNS = {
     "controller": None, "axis": None, "source": None,
     **dict.fromkeys(("low", "centre", "high"), NUMBER),
 }  # fmt: skip
-_KEPT = 256
+_MOST_PRESSES = 256
 """Largest number of unread button presses."""
 _LIKE = "controller, axis, source, low, centre, high"
 
@@ -136,7 +136,7 @@ class PadLink(InputLink):
     def __init__(self, params: GamepadParams) -> None:
         self._params = params
         self._latest: tuple[sdl.PadState | None] | None = None
-        self._pressed = deque[str](maxlen=_KEPT)
+        self._pressed = deque[str](maxlen=_MOST_PRESSES)
         self._reading: InputReading | None = None
         self._name = ""
         self._gone = False

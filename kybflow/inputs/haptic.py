@@ -29,7 +29,7 @@ from kybflow.core.units import Force, Length, Ratio
 from kybflow.flight.governor import shortened
 from kybflow.inputs.deflection import deflection
 from kybflow.inputs.haptics import (
-    STEP,
+    SERVO_PERIOD_NS,
     ForceDimension,
     HapticDevice,
     HapticState,
@@ -102,12 +102,12 @@ class HapticLink(FeltLink):
         self._params, self._device = params, device
         self._servo = Servo(device, self._law)
         self._thread = ServoThread(self._servo) if threaded else None
-        self._stepped: Time = -STEP
+        self._stepped: Time = -SERVO_PERIOD_NS
         self._now: Time = 0
 
     def read(self, now: Time) -> InputReading | None:
-        while self._thread is None and self._stepped + STEP <= now:
-            self._stepped += STEP
+        while self._thread is None and self._stepped + SERVO_PERIOD_NS <= now:
+            self._stepped += SERVO_PERIOD_NS
             self._servo.step(self._stepped)
         self._now = now if self._thread is None else self._thread.now()
         last = self._servo.last

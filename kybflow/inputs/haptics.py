@@ -1,20 +1,20 @@
 """Haptic devices: their interface, and an energy tank that keeps their forces passive.
 
 A force f gives the hand the energy f . dx while the hand moves by dx in a sample. A tank with the
-energy E, which starts at `RESERVE` and never exceeds `MOST`, gains the energy that the hand puts in
-and loses the energy that the hand receives:
+energy E, which starts at `INITIAL_ENERGY` and never exceeds `MAX_ENERGY`, gains the energy that the
+hand puts in and loses the energy that the hand receives:
 
-    E' = min(E - f . dx, MOST)
+    E' = min(E - f . dx, MAX_ENERGY)
 
 The force is limited so that even the fastest hand can't take more than the tank's energy in the
-next sample, |f| v_max LATEST <= E. Whatever force is commanded, the device therefore never returns
-more energy than was put in plus `RESERVE`, if no sample of the servo is longer than `LATEST`; any
-excess is taken back. (J. Ryu, D.-S. Kwon, B. Hannaford, "Stable Teleoperation with Time-Domain
-Passivity Control", 2004, observe the energy likewise, and dissipate the excess afterwards.) An
-empty tank makes forces weak, not zero; moving against them refills it.
+next sample, |f| v_max MAX_SAMPLE_S <= E. Whatever force is commanded, the device therefore never
+returns more energy than was put in plus `INITIAL_ENERGY`, if no sample of the servo is longer than
+`MAX_SAMPLE_S`; any excess is taken back. (J. Ryu, D.-S. Kwon, B. Hannaford, "Stable Teleoperation
+with Time-Domain Passivity Control", 2004, observe the energy likewise, and dissipate the excess
+afterwards.) An empty tank makes forces weak, not zero; moving against them refills it.
 
 The servo has its own clock, so that a late tick neither prolongs a force nor draws energy. A force
-that the tick commands lasts for `HELD` and then fades within `FADE` to damping alone.
+that the tick commands lasts for `HOLD_TIME_S` and then fades within `FADE_TIME_S` to damping alone.
 
 Units are metres, newtons and seconds. The axes are x forward, y left and z up, as seen by a person
 at the device.
@@ -35,17 +35,17 @@ from kybflow.core.signals import NS, Time
 from kybflow.flight.governor import shortened
 from kybflow.inputs.rows import InputRow
 
-RESERVE, MOST = 0.05, 0.5
+INITIAL_ENERGY, MAX_ENERGY = 0.05, 0.5
 """Initial and largest energy of the tank, joules."""
-FASTEST = 1.5
+MAX_SPEED = 1.5
 """Largest speed of a hand, m/s."""
-STEP: Time = NS // 500
+SERVO_PERIOD_NS: Time = NS // 500
 """Period in which the servo sets the force."""
-LATEST = 0.01
+MAX_SAMPLE_S = 0.01
 """Longest sample of the servo, seconds."""
-HELD, FADE = 0.1, 0.1
+HOLD_TIME_S, FADE_TIME_S = 0.1, 0.1
 """Time for which a force holds without a new command, and time in which it then fades, seconds."""
-_RETRY = 0.05
+_RETRY_PERIOD_S = 0.05
 _NAMES = tuple(f"button{i}" for i in range(4))
 
 
@@ -85,7 +85,7 @@ class EnergyTank:
     """Limits forces so that the device stays passive. energy: the tank's energy, joules."""
 
     def __init__(self) -> None:
-        self.energy = RESERVE
+        self.energy = INITIAL_ENERGY
         self._force = ZERO
         self._before: Vec3 | None = None
 
@@ -93,9 +93,9 @@ class EnergyTank:
         """Return the force, limited so that the tank can't fall below zero by the next sample."""
         if self._before is not None:
             work = dot(self._force, sub(state.position, self._before))
-            self.energy = min(self.energy - work, MOST)
+            self.energy = min(self.energy - work, MAX_ENERGY)
         self._before = state.position
-        most = self.energy / (FASTEST * LATEST)
+        most = self.energy / (MAX_SPEED * MAX_SAMPLE_S)
         self._force = shortened(force, most) if most > 0.0 else ZERO
         return self._force
 
@@ -143,10 +143,10 @@ class Servo:
 
     def _shared(self, now: Time, dt: float) -> float:
         push, at = self._command
-        fresh = push is not None and (now - at) / NS <= HELD
+        fresh = push is not None and (now - at) / NS <= HOLD_TIME_S
         if push is not None and fresh and all(map(isfinite, push)):
             self._push = push
-        change = dt / FADE if fresh else -dt / FADE
+        change = dt / FADE_TIME_S if fresh else -dt / FADE_TIME_S
         self._share = max(0.0, min(1.0, self._share + change))
         return self._share
 
@@ -170,9 +170,9 @@ class ServoThread:
         while not self._ended.wait(wait):
             try:
                 self._servo.step(self.now())
-                self.trouble, wait = None, STEP / NS
+                self.trouble, wait = None, SERVO_PERIOD_NS / NS
             except Exception as error:  # an input must not stop the flight
-                self.trouble, wait = described(error), _RETRY
+                self.trouble, wait = described(error), _RETRY_PERIOD_S
 
     def close(self) -> None:
         self._ended.set()
@@ -201,7 +201,7 @@ class SimulatedHand:
             pull = scale(sub(scale(goal, self._reach), before), self.STIFFNESS)
             pull = add(pull, scale(self._velocity, -self.DAMPING))
             push = scale(add(pull, self.force), dt / self.MASS)
-            self._velocity = shortened(add(self._velocity, push), FASTEST)
+            self._velocity = shortened(add(self._velocity, push), MAX_SPEED)
             self._position = add(before, scale(self._velocity, dt))
             self.given += dot(self.force, sub(self._position, before))
             self._now += self.STEP

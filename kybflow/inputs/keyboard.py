@@ -29,7 +29,7 @@ STEERING = {
 """The axis that each key deflects, and the sign of the deflection."""
 BUTTONS = (*(letter for letter in ascii_lowercase if letter not in STEERING), "enter")
 _STOP, _ENTER = " ", ("\r", "\n")
-_FIRST, _REPEATED = 6 * NS // 10, 15 * NS // 100
+_FIRST_HOLD_NS, _REPEAT_HOLD_NS = 6 * NS // 10, 15 * NS // 100
 _KEY = re.compile(r"\x1b[\[O][0-9;]*[A-Za-z~]|.", re.DOTALL)
 
 
@@ -80,7 +80,7 @@ class KeyLink(InputLink):
                 axis, way = steers
                 value = way * self._params.deflection
                 repeats = self._until.get(axis, (0.0, 0))[0] == value
-                self._until[axis] = value, now + (_REPEATED if repeats else _FIRST)
+                self._until[axis] = value, now + (_REPEAT_HOLD_NS if repeats else _FIRST_HOLD_NS)
         self._until = {axis: way for axis, way in self._until.items() if way[1] > now}
         axes = {axis: self._until[axis][0] if axis in self._until else 0.0 for axis in AXES}
         return InputReading(now, axes, frozenset(held))

@@ -23,11 +23,11 @@ PAD_BUTTONS = (
     "right_shoulder", "dpad_up", "dpad_down", "dpad_left", "dpad_right",
 )  # fmt: skip
 """The buttons, in the order of SDL's numbers."""
-NUMBERED = 32
+NUMBERS = 32
 """Largest number of axes and of buttons of an unknown device."""
-PERIOD = 0.004
+POLL_PERIOD_S = 0.004
 """Polling period, seconds."""
-_FULL = 32767
+_FULL_SCALE = 32767
 _HATS = (("hat_left", 0, -1), ("hat_right", 0, 1), ("hat_down", 1, -1), ("hat_up", 1, 1))
 _SETTINGS = {
     "SDL_VIDEODRIVER": "dummy",
@@ -108,10 +108,10 @@ class _SdlThread(threading.Thread):
             self.began.set()
             return
         self.began.set()
-        time.sleep(PERIOD)
+        time.sleep(POLL_PERIOD_S)
         while _LISTENERS:
             self._poll(pygame, controller)
-            time.sleep(PERIOD)
+            time.sleep(POLL_PERIOD_S)
         self._pads.clear()
         controller.quit()
         pygame.joystick.quit()
@@ -151,19 +151,19 @@ class _Pad:
     def press(self, button: int, *, known: bool) -> None:
         """Record the press of a button, by SDL's number."""
         if known is (self._controller is not None):
-            names = PAD_BUTTONS if known else tuple(f"button{i}" for i in range(NUMBERED))
+            names = PAD_BUTTONS if known else tuple(f"button{i}" for i in range(NUMBERS))
             self._pressed.update(names[button : button + 1])
 
     def state(self) -> PadState:
         held, self._pressed = self._pressed, set()
         if self._controller is not None:
             pad = self._controller
-            axes = {name: pad.get_axis(i) / _FULL for i, name in enumerate(PAD_AXES)}
+            axes = {name: pad.get_axis(i) / _FULL_SCALE for i, name in enumerate(PAD_AXES)}
             held |= {name for i, name in enumerate(PAD_BUTTONS) if pad.get_button(i)}
         else:
             pad = self._joystick
-            buttons = min(pad.get_numbuttons(), NUMBERED)
-            axes = {f"axis{i}": pad.get_axis(i) for i in range(min(pad.get_numaxes(), NUMBERED))}
+            buttons = min(pad.get_numbuttons(), NUMBERS)
+            axes = {f"axis{i}": pad.get_axis(i) for i in range(min(pad.get_numaxes(), NUMBERS))}
             held |= {f"button{i}" for i in range(buttons) if pad.get_button(i)}
             hats = [pad.get_hat(i) for i in range(min(pad.get_numhats(), 1))]
             held |= {name for hat in hats for name, axis, way in _HATS if hat[axis] == way}

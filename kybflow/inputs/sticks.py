@@ -19,7 +19,7 @@ from kybflow.parts import AXES, Input, InputLink, param, params
 from kybflow.parts.input import SticksOf
 
 _SWITCHES = 14
-_UP = 0.5
+_ON_ABOVE = 0.5
 
 
 @params
@@ -57,7 +57,7 @@ class SticksLink(InputLink):
         if sticks is not None and sticks is not self._last:
             raw = (sticks.pitch, -sticks.roll, 2.0 * sticks.throttle - 1.0, sticks.yaw)
             values = (deflection(value, self._params.dead_zone) for value in raw)
-            up = frozenset(f"switch{i}" for i, x in enumerate(sticks.switches, 1) if x > _UP)
+            up = frozenset(f"switch{i}" for i, x in enumerate(sticks.switches, 1) if x > _ON_ABOVE)
             axes = dict(zip(AXES, values, strict=True))
             self._last, self._reading = sticks, InputReading(sticks.time, axes, up)
         return self._reading

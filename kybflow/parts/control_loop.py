@@ -206,6 +206,7 @@ class Supervisor(Part[P]):
         yield from ()
 
     @abstractmethod
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
         """Return an Alarm while the bound is crossed, otherwise None. Called before the tick's
-        other decisions."""
+        other decisions. off_ground: whether the vehicle is between the start of a take-off, even if
+        its rotors don't turn yet, and touch-down."""

@@ -159,7 +159,18 @@ class ReportsChecks(Protocol):
     """A vehicle that makes preflight checks of its own."""
 
     def checks(self, now: Time) -> Sequence[Check]:
-        """Return the vehicle's own preflight checks. Called once a tick until all have passed."""
+        """Return the vehicle's own preflight checks, without sending anything. Called once a tick
+        until all have passed."""
+
+
+@runtime_checkable
+class PreparesPreflight(Protocol):
+    """A vehicle that must be sent something before its preflight checks can pass, such as a change
+    of mode."""
+
+    def prepare_preflight(self, now: Time) -> None:
+        """Send what the vehicle's checks still need. The vehicle stays disarmed. Called once a tick
+        before `checks`, until all have passed. Raises DriverError."""
 
 
 @runtime_checkable

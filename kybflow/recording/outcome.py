@@ -51,7 +51,7 @@ class Ending:
 
     reason: why the mission did not reach its end, None if it did. interrupted: whether a person
     interrupted the run. driver: the error of a driver or device. recording: why the recording
-    stopped early. airborne: the vehicles still in the air. expected_faults: the vehicles that the
+    stopped early. in_air: the vehicles still in the air. expected_faults: the vehicles that the
     mission expects to end in `fault`.
     """
 
@@ -59,7 +59,7 @@ class Ending:
     interrupted: bool = False
     driver: str | None = None
     recording: str | None = None
-    airborne: Collection[str] = ()
+    in_air: Collection[str] = ()
     expected_faults: Collection[str] = ()
 
 
@@ -77,8 +77,8 @@ def decide(score: Score, verdicts: Sequence[Verdict], ending: Ending) -> tuple[O
     faults = [name for name, state in ended.items() if state == "fault" and name not in expected]
     if faults:
         found.append(f"{' and '.join(faults)} ended in `fault`")
-    if ending.airborne:
-        found.append(f"{' and '.join(ending.airborne)} ended in the air")
+    if ending.in_air:
+        found.append(f"{' and '.join(ending.in_air)} ended in the air")
     if broken := [verdict.text for verdict in verdicts if not verdict.held]:
         count = f"{len(broken)} of {len(verdicts)} expectations did not hold"
         found.append(f"{count}: {'; '.join(broken)}")
@@ -113,8 +113,7 @@ def summarise(
         "wall_time_s": rounded(wall_time_s),
         "real_time_factor": rounded(sim_time_s / wall_time_s) if wall_time_s > 0.0 else None,
         "vehicles": {
-            name: vehicle.record(name in ending.airborne)
-            for name, vehicle in score.vehicles.items()
+            name: vehicle.record(name in ending.in_air) for name, vehicle in score.vehicles.items()
         },
         "flows": dict(flows or {}),
         "expectations": [

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from kybflow.vision.locating.locate import Located
     from kybflow.vision.locating.locator import Sighting
 
-EVENLY, AT_CHANGES = 8, 4
+EVEN_PICTURES, CHANGE_PICTURES = 8, 4
 """The most pictures of a camera that are spread evenly, and the most at changes of the estimator.
 """
 _FIRST_PACE = NS
@@ -66,7 +66,7 @@ class _Album:
 
     def offer(self, frame: Frame, located: Located | None, changed: bool) -> None:
         is_due = frame.time >= self._due
-        is_kept = changed and len(self._at_changes) < AT_CHANGES
+        is_kept = changed and len(self._at_changes) < CHANGE_PICTURES
         if not is_due and not is_kept:
             return
         name = f"{self._place}/{_name(frame.time, frame.camera, located)}"
@@ -77,7 +77,7 @@ class _Album:
         if not is_due:
             return
         self._evenly.append(name)
-        if len(self._evenly) > EVENLY:
+        if len(self._evenly) > EVEN_PICTURES:
             self._pace *= 2
             dropped, self._evenly = self._evenly[1::2], self._evenly[::2]
             for spare in (name for name in dropped if name not in self._at_changes):

@@ -13,9 +13,9 @@ from kybflow.report.events import IMPACTS, impact_text
 from kybflow.report.plot import Figure, coloured, dashed, line, markers
 from kybflow.world.shapes import Box, Plane, Scanned, Shape, Sphere
 
-_NEAR = 3.0
+_MIN_MARGIN = 3.0
 """Metres around the path that the map always shows; it shows more around a long path."""
-_ROUND = 48
+_CORNERS = 48
 """The number of corners of a drawn circle."""
 _GREY = "#7d8894"
 
@@ -99,7 +99,7 @@ def shown(run: Run) -> tuple[Extent, list[str]]:
         [*(t.position[:, :2] for t in run.tracks), np.array([t.start[:2] for t in run.tracks])]
     )
     path = Extent(*np.nanmin(ways, axis=0).tolist(), *np.nanmax(ways, axis=0).tolist())
-    near = path.grown(max(_NEAR, 1.5 * path.span))
+    near = path.grown(max(_MIN_MARGIN, 1.5 * path.span))
     within = {name: extent for name, extent in standing.items() if near.covers(extent)}
     x0, y0, x1, y1 = zip(path, *within.values(), strict=True)
     window = Extent(min(x0), min(y0), max(x1), max(y1))
@@ -170,7 +170,7 @@ def outline(shape: Shape, window: Extent) -> tuple[Coordinates, Coordinates]:
         return [x - along[0], x, x + along[0]], [y - along[1], y, y + along[1]]
     if isinstance(shape, Scanned):
         return _rows(shape)
-    turns = [2.0 * pi * step / _ROUND for step in range(_ROUND + 1)]
+    turns = [2.0 * pi * step / _CORNERS for step in range(_CORNERS + 1)]
     x, y, _ = shape.at
     return [x + shape.radius * cos(a) for a in turns], [y + shape.radius * sin(a) for a in turns]
 

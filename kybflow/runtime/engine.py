@@ -208,6 +208,8 @@ class Engine:
                 vehicle.sense(self.clock.now)
             self.inputs.step(self.clock.now, flying=False)
             self.moving.step(self.clock.now)
+            for vehicle in self.vehicles:
+                vehicle.link_out.prepare_preflight(self.clock.now)
             lines = [line for v in self.vehicles for line in preflight(v, self.vehicles)]
             lines += input_lines(self.plan, self.inputs.objections())
             lines += obstacle_lines(self.plan, self.moving.objections(self.clock.now))

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any, Protocol
 
-DEBOUNCE = 1.0
+DEBOUNCE_S = 1.0
 """Seconds within which further signals count as the same interrupt: a closed terminal sends
 several."""
 
@@ -46,7 +46,7 @@ class Interrupts:
 
     def _count(self, number: int, frame: FrameType | None) -> None:
         now = self._read()
-        if self._last is None or now - self._last >= DEBOUNCE:
+        if self._last is None or now - self._last >= DEBOUNCE_S:
             self._last = now
             self._engine.interrupts += 1
             if self._engine.interrupts > 2:

@@ -33,7 +33,7 @@ class Holder(Protocol):
 
     @property
     def airborne(self) -> bool:
-        """Whether the vehicle flies."""
+        """Whether the vehicle is off the ground and its rotors turn."""
 
     def parameters(self) -> dict[str, Any]:
         """Return the parameters of each part, by the part's label (`processors.limit_speed`)."""

@@ -15,22 +15,22 @@ from kybflow.core.signals import Estimate, Imu, kind_name
 from kybflow.dsl.plan import InputPlan, Plan
 from kybflow.parts.events import PreflightWaits
 from kybflow.runtime.events import Events
-from kybflow.runtime.vehicle.knowledge import LONG
+from kybflow.runtime.vehicle.knowledge import REST_TIME_S
 from kybflow.runtime.vehicle.touch_down import START_TOLERANCE, allowed_distance, said_distance
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.world.shapes import Box, Shape, Sphere
 
-TIMEOUT = 5.0
+RED_TIMEOUT_S = 5.0
 """Seconds for which the preflight waits for red lines once the vehicles are ready."""
-LINK_AGE = 1.0
+LINK_AGE_S = 1.0
 """Largest age (s) of the link's last measurement."""
-LEAST_RATE = 4.0
+MIN_RATE_HZ = 4.0
 """Lowest acceptable rate (Hz) of an estimator's measurements. The slowest stream in use has 5 Hz,
 and its rate appears lower between two measurements."""
-_ABOVE = 0.3
+_HOVER_HEIGHT = 0.3
 """Metres above the vehicle at which its distance from obstacles is checked."""
 
-_DEEP = 100.0
+_FLOOR_DEPTH = 100.0
 """Metres by which the preflight lowers the fence's floor, because the vehicle is on the ground."""
 
 
@@ -58,7 +58,9 @@ def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> Iterator[Preflight
         yield PreflightResult(name, "link", False, vehicle.link_error, at)
         return
     age, battery = vehicle.link_age, vehicle.battery
-    yield PreflightResult(name, "link", age <= LINK_AGE, f"delivered {age * 1000:.0f} ms ago", at)
+    delivers = vehicle.knowledge.link_in.has_delivered
+    reason = f"delivered {age * 1000:.0f} ms ago" if delivers else "no measurement has arrived yet"
+    yield PreflightResult(name, "link", delivers and age <= LINK_AGE_S, reason, at)
     yield from _own(vehicle)
     yield from _streams(vehicle)
     reason = "no report" if battery is None else f"{battery.remaining:.0%}"
@@ -126,11 +128,11 @@ def _streams(vehicle: Vehicle) -> Iterator[PreflightResult]:
     for kind in sorted(knowledge.needs, key=kind_name):
         rate = knowledge.rate(kind)
         reason = f"{rate:.0f} Hz" if rate else "nothing arrives"
-        green = rate >= LEAST_RATE
+        green = rate >= MIN_RATE_HZ
         if rate and not green:
-            reason += f", {LEAST_RATE:.0f} Hz needed"
+            reason += f", {MIN_RATE_HZ:.0f} Hz needed"
         if green and kind is Imu and not knowledge.resting.is_known:
-            green, reason = False, f"{reason}, not yet {LONG} s at rest"
+            green, reason = False, f"{reason}, not yet {REST_TIME_S} s at rest"
         trouble, refused = knowledge.sensing.trouble(kind), knowledge.sensing.refused(kind)
         if trouble is not None:
             green, reason = False, f"{reason}: {trouble}"
@@ -157,15 +159,15 @@ def _surroundings(vehicle: Vehicle, position: Vec3) -> Iterator[PreflightResult]
     x, y, z = position
     if context.fence is not None:
         west, south, floor = context.fence.low
-        walls = Box((west, south, min(floor, z) - _DEEP), context.fence.high)
+        walls = Box((west, south, min(floor, z) - _FLOOR_DEPTH), context.fence.high)
         outside = walls.outside_by(position)
         reason = f"{outside:.2f} m outside" if outside > 0.0 else f"{-outside:.2f} m inside"
         yield PreflightResult(vehicle.name, "fence", outside <= 0.0, reason, vehicle.plan.at)
     balls = {name: Sphere(seen.position, seen.radius) for name, seen in vehicle.moving.items()}
     solids: dict[str, Shape] = {**context.obstacles, **balls}
     if solids:
-        name, shape = min(solids.items(), key=lambda o: o[1].distance((x, y, z + _ABOVE)))
-        room = shape.distance((x, y, z + _ABOVE))
+        name, shape = min(solids.items(), key=lambda o: o[1].distance((x, y, z + _HOVER_HEIGHT)))
+        room = shape.distance((x, y, z + _HOVER_HEIGHT))
         reason = f"{room:.2f} m from `{name}` ({context.airframe.arm:.2f} m needed)"
         green = room >= context.airframe.arm
         yield PreflightResult(vehicle.name, "obstacles", green, reason, vehicle.plan.at)
@@ -174,15 +176,14 @@ def _surroundings(vehicle: Vehicle, position: Vec3) -> Iterator[PreflightResult]
 class PreflightTimeout:
     """Decides how long the preflight waits for red lines.
 
-    The preflight times out `TIMEOUT` seconds after the vehicles are ready. They may take up to the
-    longest `preflight_timeout` of their drivers to get ready: an autopilot's filter settles, a
-    receiver finds its satellites. If a line is red that only a person can fix, the preflight times
-    out `TIMEOUT` seconds after its start. Each cause of waiting is reported once.
-    """
+    The preflight times out `RED_TIMEOUT_S` after the vehicles are ready. They may take up
+    to the longest `preflight_timeout` of their drivers to get ready: an autopilot's filter settles,
+    a receiver finds its satellites. If a line is red that only a person can fix, the preflight
+    times out `RED_TIMEOUT_S` after its start. Each cause of waiting is reported once."""
 
     def __init__(self, plan: Plan, events: Events) -> None:
         longest: list[float] = [vehicle.driver.cls.preflight_timeout for vehicle in plan.vehicles]
-        self._longest = max(TIMEOUT, *longest)
+        self._longest = max(RED_TIMEOUT_S, *longest)
         self._events = events
         self._ready = 0.0
         self._reported: set[tuple[str, str]] = set()
@@ -195,9 +196,9 @@ class PreflightTimeout:
         if waiting:
             self._ready = seconds
         hopeless = any(line.waits is False and not line.green for line in lines)
-        bound = TIMEOUT if hopeless else self._ready + TIMEOUT
+        bound = RED_TIMEOUT_S if hopeless else self._ready + RED_TIMEOUT_S
         late: bool = seconds >= min(bound, self._longest)
-        if seconds >= TIMEOUT and not late:
+        if seconds >= RED_TIMEOUT_S and not late:
             for vehicle, check, _, reason, at, _ in waiting:
                 if (vehicle, check) not in self._reported:
                     self._reported.add((vehicle, check))

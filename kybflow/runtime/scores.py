@@ -112,9 +112,10 @@ class VehicleScore:
         """Record a failure of the current behavior that the mission does not handle."""
         self.failures.append(f"`{self.behaviors[-1].name}` failed: {reason}")
 
-    def airborne(self, is_airborne: bool, t_s: float) -> None:
-        """Begin or end an interval in the air. Errors are measured only in the air."""
-        self.flights.append((t_s, None) if is_airborne else (self.flights.pop()[0], t_s))
+    def in_air(self, is_in_air: bool, t_s: float) -> None:
+        """Begin or end an interval in which the ground doesn't carry the vehicle. Errors are
+        measured only then."""
+        self.flights.append((t_s, None) if is_in_air else (self.flights.pop()[0], t_s))
 
     def foreign(self, reason: str, allowed: bool) -> None:
         """Record that somebody else commanded the vehicle; unless `allowed`, this is a failure."""
@@ -131,10 +132,10 @@ class VehicleScore:
         if self.min_battery is None or remaining < self.min_battery:
             self.min_battery = remaining
 
-    def record(self, airborne: bool) -> dict[str, Any]:
+    def record(self, is_in_air: bool) -> dict[str, Any]:
         """Return the vehicle's entry in `summary.json`."""
         return {
-            "final": "air" if airborne else "ground",
+            "final": "air" if is_in_air else "ground",
             "airborne_s": [
                 [rounded(start), None if end is None else rounded(end)]
                 for start, end in self.flights

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from kybflow.vision.video.codec import FrameDecoder
 
 PORT = 5555
-TIMEOUT = 2.0
+STREAM_TIMEOUT_S = 2.0
 """Seconds without data after which the stream counts as lost."""
 CHUNK = 1 << 16
 
@@ -72,7 +72,7 @@ class VideoCapture:
 
     def __init__(self, host: str, decoder: FrameDecoder) -> None:
         try:
-            self._socket = socket.create_connection((host, PORT), TIMEOUT)
+            self._socket = socket.create_connection((host, PORT), STREAM_TIMEOUT_S)
         except OSError as error:
             words = os.strerror(error.errno).lower() if error.errno else str(error)
             raise DriverError(f"no video from the drone at {host}: {words}") from None

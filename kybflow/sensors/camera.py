@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 REOPEN_PERIOD = 1.0
 """Seconds between two attempts to reopen a lost device."""
-KEPT = 4
+MOST_FRAMES = 4
 """Largest number of unread frames; older ones are dropped."""
 
 
@@ -58,7 +58,7 @@ class Grabber:
     def __init__(self, opened: Callable[[], Capture], again: float = REOPEN_PERIOD) -> None:
         self.error: str | None = None
         self._opened, self._again = opened, again
-        self._frames: deque[tuple[Any, Time]] = deque(maxlen=KEPT)
+        self._frames: deque[tuple[Any, Time]] = deque(maxlen=MOST_FRAMES)
         self._stop = threading.Event()
         self._thread = threading.Thread(
             target=self._run, args=(opened(),), name="camera", daemon=True
@@ -102,7 +102,7 @@ class Grabber:
             capture.release()
 
 
-SILENT = 1.0
+SILENCE_S = 1.0
 """Seconds without a frame after which a device counts as lost."""
 
 
@@ -279,7 +279,7 @@ class Device(Stream):
             self._last_data = now
         elif self._grabber.error is not None:
             raise DriverError(self._grabber.error)
-        elif now - self._last_data > SILENT * NS:
+        elif now - self._last_data > SILENCE_S * NS:
             raise DriverError(f"no frame for {(now - self._last_data) / NS:.1f} s")
         return [
             frame_of(one.image, now - one.age - self._latency, self._camera) for one in captured

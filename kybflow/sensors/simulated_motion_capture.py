@@ -26,7 +26,7 @@ from kybflow.world.vehicle_context import VehicleContext
 if TYPE_CHECKING:
     import random
 
-_AHEAD = 0.1
+_MAX_EXTRAPOLATION_S = 0.1
 """Longest extrapolation of a vehicle's true state, seconds."""
 
 
@@ -108,7 +108,7 @@ class SimulatedPoses(Stream):
         while (at := round(self._count * NS / params.rate)) <= now:
             self._count += 1
             t = (at - since) / NS
-            if abs(t) <= _AHEAD or at_rest:
+            if abs(t) <= _MAX_EXTRAPOLATION_S or at_rest:
                 place = add(body.position, scale(body.velocity, t))
                 attitude = integrate(body.attitude, body.angular_velocity, t)
                 off, turn = self._noise(params.position_noise), self._noise(params.attitude_noise)
@@ -119,7 +119,7 @@ class SimulatedPoses(Stream):
         return (gauss(0.0, deviation), gauss(0.0, deviation), gauss(0.0, deviation))
 
 
-_STEP = 1e-3
+_SEARCH_STEP_S = 1e-3
 
 
 class SimulatedBall(Stream):
@@ -152,5 +152,5 @@ class _Ball(Link):
     def truth(self) -> Truth | None:
         seconds = self.now / NS
         place = self._path.at(seconds)
-        gone = sub(place, self._path.at(max(seconds - _STEP, 0.0)))
-        return Truth(place, scale(gone, 1.0 / _STEP), LEVEL, ZERO)
+        gone = sub(place, self._path.at(max(seconds - _SEARCH_STEP_S, 0.0)))
+        return Truth(place, scale(gone, 1.0 / _SEARCH_STEP_S), LEVEL, ZERO)

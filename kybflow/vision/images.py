@@ -16,10 +16,10 @@ from kybflow.world.tags import Key
 
 USED, REJECTED = (60, 190, 40), (50, 40, 230)
 """Colours of used and rejected tags: blue, green, red."""
-WIDEST = 800
+MAX_PICTURE = 800
 """Largest width of a picture, pixels."""
 _QUALITY = 80
-_LEGIBLE = 0.06
+_LEGIBLE_SIDE = 0.06
 """Shortest side of a tag whose number is drawn, as a fraction of the picture's width."""
 _SHIFT = 4
 """Fractional bits of coordinates in OpenCV's drawing functions."""
@@ -38,7 +38,7 @@ def marked(image: NDArray[Any], view: TagView | None, used: Collection[Key]) -> 
         fine = numpy.rint(corners * (1 << _SHIFT)).astype(numpy.int32).reshape(-1, 1, 2)
         cv2.polylines(picture, [fine], True, colour, thick, cv2.LINE_AA, _SHIFT)
         side = float(numpy.hypot(*(corners[1:] - corners[:-1]).T).mean())
-        if side < _LEGIBLE * width:
+        if side < _LEGIBLE_SIDE * width:
             continue
         text, scale = str(tag.id), min(width / 700, side / 70)
         (wide, high), _ = cv2.getTextSize(text, font, scale, thick)
@@ -46,8 +46,8 @@ def marked(image: NDArray[Any], view: TagView | None, used: Collection[Key]) -> 
         at = (round(x - wide / 2), round(y + high / 2))
         cv2.putText(picture, text, at, font, scale, (255, 255, 255), 2 * thick + 1, cv2.LINE_AA)
         cv2.putText(picture, text, at, font, scale, colour, thick, cv2.LINE_AA)
-    if width > WIDEST:
-        size = (WIDEST, round(height * WIDEST / width))
+    if width > MAX_PICTURE:
+        size = (MAX_PICTURE, round(height * MAX_PICTURE / width))
         picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
     _, data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     return bytes(data.tobytes())

@@ -20,7 +20,7 @@ from kybflow.world.cameras import Camera, Lens
 
 Array = NDArray[Any]
 
-_NEAR = 1e-6
+_MIN_DEPTH = 1e-6
 """Smallest depth of a visible point, metres."""
 _ROUNDING = 1e-12
 _STEPS = 20
@@ -57,7 +57,7 @@ def project(
     at, turn = optical_pose(camera, position, attitude)
     local = (numpy.asarray(points, float) - at) @ rotation(turn)
     depth = local[..., 2]
-    before = depth > _NEAR
+    before = depth > _MIN_DEPTH
     flat = local[..., :2] / numpy.where(before, depth, 1.0)[..., None]
     visible = before & ((flat**2).sum(axis=-1) < reach(camera.lens) ** 2)
     return distort(camera.lens, flat), visible

@@ -22,7 +22,7 @@ from reportlab.lib.units import mm
 from reportlab.pdfgen.canvas import FILL_NON_ZERO, Canvas
 
 from kybflow.vision.projection import Array
-from kybflow.vision.rendering.floor import QUIET
+from kybflow.vision.rendering.floor import QUIET_ZONE
 from kybflow.vision.tags import cells, pattern
 
 PAPERS = {"a4": (210.0, 297.0), "a3": (297.0, 420.0)}
@@ -31,7 +31,7 @@ _LINE = 0.15
 _LETTERS = 3.0
 """Height of letters, mm."""
 _BAR = 100.0
-_LEFT = 5.0
+_MIN_QUIET_ZONE = 5.0
 """Smallest width of the quiet zone that remains after cutting between neighbours, mm."""
 _MARK, _RIM, _ALONG = 0.4, 0.08, 0.25
 """Height of a number or arrow in the quiet zone and its distance from the cut, as fractions of the
@@ -87,7 +87,7 @@ def lay_out(family: str, ids: Sequence[int], size: float, paper: str) -> list[Pa
     even one fits. size: side of a tag, metres."""
     width, height = PAPERS[paper]
     side = 1000.0 * size
-    whole = side * (1.0 + 2.0 * QUIET / cells(family))
+    whole = side * (1.0 + 2.0 * QUIET_ZONE / cells(family))
     columns = int((width - 2.0 * _MARGIN + _GAP) / (whole + _GAP))
     rows = int((height - 2.0 * _MARGIN - _FOOT + _GAP) / (whole + _LABEL + _GAP))
     if columns < 1 or rows < 1:
@@ -125,7 +125,7 @@ def _marks(number: int, x: float, y: float, side: float, whole: float) -> tuple[
     """Return the number below a tag's black square and the arrow above it. (x, y): the corner of
     the quiet zone, in which both lie."""
     rim = 0.5 * (whole - side)
-    left = min(_LEFT, rim - _LINE)
+    left = min(_MIN_QUIET_ZONE, rim - _LINE)
     low, tall = (1.0 - _MARK - _RIM) * left, _MARK * left
     along = x + rim + _ALONG * side
     mark = Words(along, y + rim - low - tall, tall / _DIGIT, str(number))

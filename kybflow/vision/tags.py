@@ -73,7 +73,7 @@ _COLUMNS: dict[str, Dimension | None] = {
     **dict.fromkeys(("size", "x", "y", "z"), LENGTH),
     **dict.fromkeys(("heading", "roll", "pitch"), ANGLE),
 }
-LARGEST = 10.0
+MAX_TAG = 10.0
 """Largest valid side of a black square, metres."""
 _LIKE = "family, id, size, x, y, z, heading [deg]"
 
@@ -100,9 +100,9 @@ def read_tags(file: File) -> tuple[TagRow, ...]:
         if not (number.is_integer() and 0 <= number <= most):
             message = f"{family} has no tag {number:g}"
             raise FileError(message, line, f"its tags are 0 to {most}")
-        if not 0.0 < numbers["size"] <= LARGEST:
+        if not 0.0 < numbers["size"] <= MAX_TAG:
             hint = "name the unit in the first line if it is no metres, like `size [cm]`"
-            raise FileError(f"`size` must be above 0 m and at most {LARGEST:g} m", line, hint)
+            raise FileError(f"`size` must be above 0 m and at most {MAX_TAG:g} m", line, hint)
         turn = from_euler(numbers.get("roll", 0.0), numbers.get("pitch", 0.0), numbers["heading"])
         at = numbers["x"], numbers["y"], numbers["z"]
         tag = Tag(family, int(number), numbers["size"], at, turn)

@@ -14,12 +14,12 @@ from kybflow.core.signals import Estimate
 from kybflow.world.vehicle_context import LEGS, VehicleContext
 
 FLOOR = 0.0
-BESIDE = 0.5
+START_MARGIN = 0.5
 """How far the ground of the vehicle's start extends beyond the vehicle's edge."""
-STANDS = 0.05
+STAND_HEIGHT = 0.05
 """Height above the ground beyond which a vehicle is in the air."""
-SPREADS = 2.0
-FRESH = 0.3
+HEIGHT_SIGMAS = 2.0
+FRESH_S = 0.3
 """Age of an estimate, seconds, beyond which it proves nothing."""
 
 
@@ -34,9 +34,9 @@ def height_above_ground(
     sx, sy, start = context.start
     shapes = context.obstacles.values()
     found = [*tops, *(shape.top(x, y, reach) + LEGS for shape in shapes)]
-    if max(abs(x - sx), abs(y - sy)) < reach + BESIDE:
+    if max(abs(x - sx), abs(y - sy)) < reach + START_MARGIN:
         found.append(start)
-    below = [top for top in (*found, FLOOR) if -inf < top <= z + STANDS]
+    below = [top for top in (*found, FLOOR) if -inf < top <= z + STAND_HEIGHT]
     highest = max(below, default=FLOOR)
     return z - highest - reach * sin(tilt_of(attitude))
 
@@ -44,7 +44,7 @@ def height_above_ground(
 def height_in_the_air(context: VehicleContext, estimate: Estimate, tops: Iterable[float]) -> float:
     """Return the height above the ground if the estimate proves that the vehicle is in the air, or
     zero if it may be on the ground or the estimate is old."""
-    if estimate.age > FRESH:
+    if estimate.age > FRESH_S:
         return 0.0
     height = height_above_ground(context, estimate.position, estimate.attitude, tops)
-    return height if height > STANDS + SPREADS * estimate.spread else 0.0
+    return height if height > STAND_HEIGHT + HEIGHT_SIGMAS * estimate.spread else 0.0

@@ -23,7 +23,7 @@ import yaml
 from kybflow.core.errors import FileError
 from kybflow.core.files import File, header_line, need, read_table
 from kybflow.core.units import LENGTH, Dimension
-from kybflow.world.scanned import FARTHEST
+from kybflow.world.scanned import MAX_RANGE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -163,8 +163,8 @@ def _vertices(head: str) -> tuple[int, dict[str, str]]:
     return many, properties
 
 
-_LONGEST = 10_000
-_FINEST, _COARSEST = 1e-3, 10.0
+_MAX_YAML = 10_000
+_MIN_CELL, _MAX_CELL = 1e-3, 10.0
 _PGM_WORD = re.compile(rb"\s*(?:#[^\n]*\n\s*)*(\S+)")
 
 
@@ -181,7 +181,7 @@ class MapInfo(NamedTuple):
 
 
 def read_info(file: File) -> MapInfo:
-    if len(file.text) > _LONGEST:
+    if len(file.text) > _MAX_YAML:
         raise FileError("it is too long for a map's YAML file")
     try:
         info: Any = yaml.safe_load(file.text)
@@ -196,9 +196,9 @@ def read_info(file: File) -> MapInfo:
         raise FileError("it is no map of ROS's map_server", hint=hint) from None
     if not isinstance(image, str):
         raise FileError("`image` is no name of a file")
-    if not _FINEST <= resolution <= _COARSEST or not 0.0 < occupied < 1.0:
+    if not _MIN_CELL <= resolution <= _MAX_CELL or not 0.0 < occupied < 1.0:
         raise FileError("`resolution` or `occupied_thresh` is out of bounds")
-    if not max(abs(x), abs(y)) <= FARTHEST or not abs(turned) <= 2 * pi:
+    if not max(abs(x), abs(y)) <= MAX_RANGE or not abs(turned) <= 2 * pi:
         raise FileError("`origin` is no place")
     return MapInfo(image, resolution, (x, y, turned), occupied, negate)
 

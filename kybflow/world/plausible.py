@@ -55,7 +55,7 @@ _GYRATION = Range(0.04, 0.1, 0.55, 0.75)
 _TORQUE = Range(0.005, 0.03, 2.0, 10.0)
 _ROTOR_TIME = Range(0.0005, 0.004, 0.15, 0.4)
 _DRAG = Range(0.0, 0.0, 2.0, 10.0)
-_POWERFUL = 15.0
+_MAX_RATIO = 15.0
 """Thrust to weight: 1.5 times the largest reference."""
 _ENDURANCE = Range(0.0, 30.0, 7200.0, 86400.0)
 _DENSITY = Range(0.0, 2.0, 12000.0, 23000.0)
@@ -89,8 +89,8 @@ def of_airframe(airframe: Airframe) -> Iterator[Implausible]:
     yield from _unusual("drag", airframe.drag, _DRAG, DAMPING)
     yield from _unusual("rotor_time", airframe.rotor_time, _ROTOR_TIME, DURATION)
     lifts = airframe.max_thrust / airframe.hover_thrust
-    if lifts > _POWERFUL:
-        found, usual = f"a thrust of {lifts:.3g} times its weight", f"{_POWERFUL:g} times at most"
+    if lifts > _MAX_RATIO:
+        found, usual = f"a thrust of {lifts:.3g} times its weight", f"{_MAX_RATIO:g} times at most"
         yield Implausible(("mass", "thrust"), found, usual, False)
     elif lifts * cos(airframe.tilt) < 1.0:
         found = f"a tilt at which a thrust of {lifts:.3g} times its weight doesn't hold it"

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[Any]
 
-MOST = 20_000
+MOST_POINTS = 20_000
 """The largest number of points in a cloud."""
-FARTHEST = 10_000.0
+MAX_RANGE = 10_000.0
 """The largest coordinate of a point, metres."""
 METRES = {"m": 1.0, "mm": 1e-3}
 """The units of a scan, in metres."""

@@ -137,7 +137,7 @@ class Sphere(NamedTuple):
         return self.at[2] + sqrt(self.radius**2 - aside**2)
 
 
-STEEPEST = 0.7
+MIN_NORMAL = 0.7
 """The least upward component of the normal of a surface on which a vehicle can stand."""
 
 
@@ -159,7 +159,7 @@ class Plane(NamedTuple):
         """Return the height of the plane at (x, y); -inf if it is a wall or a ceiling, not a
         floor."""
         (ax, ay, az), (nx, ny, nz) = self.at, self.facing
-        return az - (nx * (x - ax) + ny * (y - ay)) / nz if nz > STEEPEST else -inf
+        return az - (nx * (x - ax) + ny * (y - ay)) / nz if nz > MIN_NORMAL else -inf
 
 
 Convex = Box | Cylinder | Sphere | Plane

@@ -209,7 +209,7 @@ class VehicleContext(NamedTuple):
     moving: Mapping[str, MovingSphere] = MappingProxyType({})
 
 
-FULL = 4.2 * 4
+FULL_VOLTAGE = 4.2 * 4
 """The voltage of a full pack of four cells."""
 
 
@@ -237,7 +237,7 @@ class BatteryCharge:
 
     @property
     def voltage(self) -> float:
-        return FULL * self.level
+        return FULL_VOLTAGE * self.level
 
     def drain(self, thrust: float, seconds: float) -> None:
         """Use the charge that `thrust` (newtons) takes for `seconds`."""

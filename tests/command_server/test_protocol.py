@@ -24,7 +24,7 @@ from kybflow.command_server.protocol import (
 )
 from kybflow.dsl.plan import Emit, Switch
 from kybflow.runtime.commanding.orders import (
-    LONGEST,
+    MOST_LETTERS,
     Answer,
     LandOrder,
     PauseOrder,
@@ -125,7 +125,7 @@ def test_what_is_no_request_is_refused(line: bytes, reason: str, number: int | N
 
 
 def test_the_longest_command_fits_however_it_is_escaped() -> None:
-    words = "stop " + "\U0001f680" * (LONGEST - 5)
+    words = "stop " + "\U0001f680" * (MOST_LETTERS - 5)
     line = protocol.command(2**53, words, take=True)
     assert len(line) <= LONGEST_LINE
     assert isinstance(read_request(line), OrderRequest)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 
 import pytest
@@ -15,18 +17,35 @@ def test_the_bytes_are_in_the_file(tmp_path: Path) -> None:
     assert (tmp_path / "page").read_bytes() == b"today"
 
 
-def test_whatever_stops_it_leaves_no_file(tmp_path: Path) -> None:
-    with pytest.raises(TypeError):
-        write_whole(tmp_path / "page", "no bytes")  # type: ignore[arg-type]
-    assert list(tmp_path.iterdir()) == []
+@pytest.mark.parametrize("before", [None, b"long ago"])
+@pytest.mark.parametrize("step", ["write_bytes", "replace"])
+def test_whatever_stops_it_leaves_what_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: bytes | None, step: str
+) -> None:
+    page = tmp_path / "page"
+    if before is not None:
+        page.write_bytes(before)
 
+    def full(path: Path, given: object) -> None:
+        path.touch()
+        raise OSError(errno.ENOSPC, "No space left on device")
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
-def test_a_full_disk_leaves_no_half(tmp_path: Path) -> None:
-    (tmp_path / "page").symlink_to("/dev/full")
+    monkeypatch.setattr(Path, step, full)
     with pytest.raises(OSError, match="No space left"):
-        write_whole(tmp_path / "page", b"today")
-    assert list(tmp_path.iterdir()) == []
+        write_whole(page, b"today")
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [before] * (before is not None)
+
+
+def test_a_link_stays_a_link(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to("page")
+    write_whole(tmp_path / "link", b"today")
+    assert (tmp_path / "link").readlink() == Path("page")
+    assert (tmp_path / "page").read_bytes() == b"today"
+
+
+def test_a_device_is_written_to_and_stays() -> None:
+    write_whole(Path(os.devnull), b"today")
+    assert Path(os.devnull).is_char_device()
 
 
 def test_a_file_that_cannot_be_opened_stays(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ class Owner:
         *states: StatePlan,
         holds: dict[Expression, bool] | None = None,
         refuses: tuple[str, ...] = (),
-        airborne: bool = True,
+        off_ground: bool = True,
         latched: bool = False,
     ) -> None:
         self.told: list[str] = []
@@ -48,7 +48,7 @@ class Owner:
         )  # fmt: skip
         self.machine = VehicleMachine(
             vehicle, lambda expression: lambda: known[expression], on_enter=self.enter,
-            on_exit=self.exit, starts=self.starts, airborne=lambda: airborne,
+            on_exit=self.exit, starts=self.starts, off_ground=lambda: off_ground,
             latched=lambda: latched,
         )  # fmt: skip
 
@@ -266,11 +266,13 @@ def test_a_behavior_that_refuses_to_start_goes_where_its_failure_leads() -> None
     assert not owner.exits[-1].at
 
 
-@pytest.mark.parametrize(("airborne", "last"), [(True, "brake"), (False, "landed")])
+@pytest.mark.parametrize(("off_ground", "last"), [(True, "brake"), (False, "landed")])
 def test_behaviors_that_refuse_in_a_circle_brake_or_stay_on_the_ground(
-    airborne: bool, last: str
+    off_ground: bool, last: str
 ) -> None:
-    owner = begun(transition("failed", "second"), refuses=("first", "second"), airborne=airborne)
+    owner = begun(
+        transition("failed", "second"), refuses=("first", "second"), off_ground=off_ground
+    )
     assert last == owner.machine.state
     tried = ["enter first", "exit first: refused", "enter second", "exit second: refused"]
     assert owner.told == [*tried, f"enter {last}"]

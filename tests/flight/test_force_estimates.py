@@ -10,7 +10,12 @@ from hypothesis import strategies as st
 
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, from_euler, rotate_back
 from kybflow.core.signals import NS, Estimate, Imu, Time
-from kybflow.flight.force_estimates import LARGEST, SHAKEN, WASHOUT, DisturbanceObserver
+from kybflow.flight.force_estimates import (
+    MAX_PUSH,
+    SHAKING_RATE,
+    WASHOUT_TIME_S,
+    DisturbanceObserver,
+)
 from kybflow.world.vehicle_context import Airframe
 
 FRAME = Airframe(
@@ -54,7 +59,7 @@ def test_a_push_is_found_in_a_tenth_of_a_second_whatever_the_tilt_and_the_speed(
 
 def test_while_the_vehicle_swings_it_learns_slowly_but_a_turn_of_its_nose_is_no_swing() -> None:
     still = observed(0.04, (0.4, 0.0, 0.0)).acceleration[0]
-    swinging = observed(0.04, (0.4, 0.0, 0.0), turning=(0.0, SHAKEN, 0.0)).acceleration[0]
+    swinging = observed(0.04, (0.4, 0.0, 0.0), turning=(0.0, SHAKING_RATE, 0.0)).acceleration[0]
     assert swinging == pytest.approx(0.5 * still, rel=0.15)
     assert observed(0.04, (0.4, 0.0, 0.0), turning=(0.0, 0.0, 2.0)).acceleration[0] == still
 
@@ -66,7 +71,7 @@ def test_thrust_and_drag_that_are_known_of_are_no_push() -> None:
 
 
 def test_what_lasts_stays_in_the_estimate_but_upwards() -> None:
-    x, y, z = observed(4.0 * WASHOUT, (0.2, -0.1, 0.15)).acceleration
+    x, y, z = observed(4.0 * WASHOUT_TIME_S, (0.2, -0.1, 0.15)).acceleration
     assert (x, y) == pytest.approx((0.2, -0.1), abs=0.01)
     assert z == pytest.approx(0.0, abs=0.01)
 
@@ -80,4 +85,4 @@ def test_without_an_imu_and_on_the_ground_nothing_pushes() -> None:
 
 @given(st.tuples(*[st.floats(-100.0, 100.0)] * 3), st.tuples(*[st.floats(-20.0, 20.0)] * 3))
 def test_it_is_bounded(push: Vec3, velocity: Vec3) -> None:
-    assert max(map(abs, observed(0.2, push, velocity).acceleration)) <= LARGEST
+    assert max(map(abs, observed(0.2, push, velocity).acceleration)) <= MAX_PUSH

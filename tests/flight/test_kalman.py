@@ -19,7 +19,7 @@ from kybflow.core.geometry import (
     sub,
 )
 from kybflow.flight.fusion.covariance import (
-    SIZE,
+    STATES,
     ImuNoise,
     Matrix,
     Nominal,
@@ -64,10 +64,10 @@ def between(nominal: Nominal, true: Nominal) -> list[float]:
 
 
 def unit(i: int, size: float) -> Matrix:
-    return numpy.eye(SIZE)[i] * size
+    return numpy.eye(STATES)[i] * size
 
 
-@pytest.mark.parametrize("i", range(SIZE))
+@pytest.mark.parametrize("i", range(STATES))
 def test_an_error_grows_as_the_covariance_says(i: int) -> None:
     size = 1e-5
     grown = (
@@ -85,7 +85,9 @@ def test_an_error_grows_as_the_covariance_says(i: int) -> None:
 
 def test_noise_grows_with_the_square_root_of_time() -> None:
     noise = ImuNoise(0.02, 0.03, 0.004, 0.005)
-    after = predicted(numpy.zeros((SIZE, SIZE)), START, after_manoeuvre(START), noise.variances())
+    after = predicted(
+        numpy.zeros((STATES, STATES)), START, after_manoeuvre(START), noise.variances()
+    )
 
     deviations = numpy.sqrt(after.diagonal() / 0.02)
 
@@ -95,17 +97,17 @@ def test_noise_grows_with_the_square_root_of_time() -> None:
 
 def test_a_correction_is_put_in_and_taken_out_again() -> None:
     generator = random.Random(1)
-    error = numpy.array([generator.gauss(0.0, 0.1) for _ in range(SIZE)])
+    error = numpy.array([generator.gauss(0.0, 0.1) for _ in range(STATES)])
     assert between(START, START.corrected(error)) == pytest.approx(error.tolist())
 
 
 def test_a_pose_corrects_as_the_textbook_has_it() -> None:
     generator = numpy.random.default_rng(2)
-    square = generator.standard_normal((SIZE, SIZE))
+    square = generator.standard_normal((STATES, STATES))
     covariance = square @ square.T
     noise = numpy.diag((0.1, 0.2, 0.3, 0.4, 0.5, 0.6))
     innovation = generator.standard_normal(6)
-    sees = numpy.eye(SIZE)[[0, 1, 2, 6, 7, 8]]
+    sees = numpy.eye(STATES)[[0, 1, 2, 6, 7, 8]]
     spread = sees @ covariance @ sees.T + noise
     gain = covariance @ sees.T @ numpy.linalg.inv(spread)
 
@@ -113,13 +115,13 @@ def test_a_pose_corrects_as_the_textbook_has_it() -> None:
 
     assert told.distance == pytest.approx(innovation @ numpy.linalg.inv(spread) @ innovation)
     assert told.error == pytest.approx(gain @ innovation)
-    assert told.covariance == pytest.approx((numpy.eye(SIZE) - gain @ sees) @ covariance)
+    assert told.covariance == pytest.approx((numpy.eye(STATES) - gain @ sees) @ covariance)
     assert (told.covariance == told.covariance.T).all()
 
 
 @pytest.mark.parametrize("i", [6, 7, 8])
 def test_the_reset_moves_errors_to_the_corrected_attitude(i: int) -> None:
-    error = numpy.zeros(SIZE)
+    error = numpy.zeros(STATES)
     error[6:9] = 0.02, -0.03, 0.01
     size = 1e-5
     corrected = START.corrected(error)

@@ -9,7 +9,7 @@ from part_bench import DT, SITE, at_rest, entry, estimate
 
 from kybflow.core.geometry import ZERO, Vec3, distance, norm, sub
 from kybflow.flight.motion import (
-    STEEPEST,
+    MAX_SLOPE,
     Coast,
     Dwell,
     Motion,
@@ -181,8 +181,8 @@ def test_at_the_pace_of_the_slowest_all_have_covered_the_same_share_within_their
     for profile, (_, speed, acceleration) in zip(paced, limits, strict=True):
         assert profile.duration == pytest.approx(pace.duration)
         assert profile.speed <= speed * (1.0 + 1e-9)
-        assert STEEPEST * profile.speed / profile.ramp <= max(
-            acceleration, STEEPEST * profile.distance / 0.25
+        assert MAX_SLOPE * profile.speed / profile.ramp <= max(
+            acceleration, MAX_SLOPE * profile.distance / 0.25
         ) * (1.0 + 1e-9)
 
 

@@ -9,7 +9,14 @@ import pytest
 
 from kybflow.core.geometry import LEVEL, ZERO, Quat, Vec3, from_heading, scale
 from kybflow.core.signals import NS, Estimate, Pose
-from kybflow.flight.pose_gate import CONFIRMED, Bounds, PoseGate, PoseTrack, Reference, unexplained
+from kybflow.flight.pose_gate import (
+    AGREEING_POSES,
+    Bounds,
+    PoseGate,
+    PoseTrack,
+    Reference,
+    unexplained,
+)
 
 RATE = 100
 BOUNDS = Bounds(gate=0.1, widest=0.5, settled=20.0)
@@ -183,7 +190,7 @@ def test_a_single_pose_elsewhere_leaves_the_track_where_it_was() -> None:
 def test_poses_that_go_on_elsewhere_begin_it_anew_at_the_first_of_them() -> None:
     track = PoseTrack()
     track.follow(pose(0))
-    there = [pose(1 + i, (2.0, 0.0, 1.0)) for i in range(CONFIRMED)]
+    there = [pose(1 + i, (2.0, 0.0, 1.0)) for i in range(AGREEING_POSES)]
     assert [track.follow(p) for p in there] == [None, None, there[0]]
     assert (track.first, track.last) == (there[0], there[-1])
 

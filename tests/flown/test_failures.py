@@ -178,7 +178,7 @@ def test_a_part_that_can_not_be_made_is_the_reason_why_nothing_flew(run):
         def __init__(self, params, context):
             raise ValueError("no such sensor")
 
-        def check(self, tick, airborne):
+        def check(self, tick, off_ground):
             return None
 
     plan = PartPlan("unbuilt", Unbuilt, NoParams(), "supervisors.unbuilt")
@@ -330,7 +330,7 @@ def test_a_supervisor_that_talks_nonsense_lands_its_vehicle(run, rubbish):
     tilt = part("supervisors", "tilt")
 
     class Mad(tilt.cls):
-        def check(self, tick, airborne):
+        def check(self, tick, off_ground):
             return rubbish if tick.now > 5 * NS else None
 
     mad = replace(tilt, cls=Mad)
@@ -342,10 +342,10 @@ def test_an_empty_battery_keeps_it_from_a_second_take_off(run):
     battery = part("supervisors", "battery")
 
     class Empties(battery.cls):
-        def check(self, tick, airborne):
-            if airborne and tick.now > 9 * NS:
+        def check(self, tick, off_ground):
+            if off_ground and tick.now > 9 * NS:
                 tick = tick._replace(battery=Battery(tick.now, 0.09, 12.0))
-            return super().check(tick, airborne)
+            return super().check(tick, off_ground)
 
     again = state("again", part("behaviors", "take_off", height=0.6), then("down"))
     rest = state("rest", part("behaviors", "wait_on_ground"), after(2.0, "again"))

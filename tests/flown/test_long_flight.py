@@ -5,17 +5,15 @@ import resource
 import signal
 import subprocess
 import sys
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from mcap.exceptions import EndOfFile
-from mcap.records import Channel, Message
-from mcap.stream_reader import StreamReader
 from plans import part, plan, state, then, vehicle
 from short_flights import down, up
 
 from kybflow.api.flight import RunRequest, fly
+from kybflow.core.signals import NS
+from kybflow.recording.messages import read_recording
 
 HERE = Path(__file__).parent
 STARTS = ((-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (-1.0, 1.0, 0.0), (1.0, 1.0, 0.0))
@@ -77,18 +75,6 @@ def test_a_killed_run_is_readable_up_to_the_last_second(tmp_path: Path, draw: in
     child.wait()
     flown = float(rest[-2]) if len(rest) > 1 else flown
     assert flown > 5.0
-    last = last_times(tmp_path / "log.mcap")
-    assert all(last[f"/v{i}/tick"] > flown - 1.0 for i in range(4)), (flown, last)
-
-
-def last_times(path: Path) -> dict[str, float]:
-    """The time of each topic's last message, in seconds; the file may end anywhere."""
-    topics: dict[int, str] = {}
-    last: dict[str, float] = {}
-    with path.open("rb") as file, suppress(EndOfFile):
-        for record in StreamReader(file).records:
-            if isinstance(record, Channel):
-                topics[record.id] = record.topic
-            elif isinstance(record, Message):
-                last[topics[record.channel_id]] = record.log_time / 1e9
-    return last
+    recorded = read_recording(tmp_path / "log.mcap")
+    last = [recorded[f"/v{i}/tick"].times[-1] / NS for i in range(4)]
+    assert min(last) > flown - 1.0, (flown, last)

@@ -94,6 +94,6 @@ def test_an_interrupt_after_the_flight_takes_nothing_away(
 def test_the_third_interrupt_ends_what_hangs(
     plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("kybflow.runtime.interrupts.DEBOUNCE", 0.0)
+    monkeypatch.setattr("kybflow.runtime.interrupts.DEBOUNCE_S", 0.0)
     with pytest.raises(KeyboardInterrupt):
         interrupted_while("open_devices", plan, tmp_path, monkeypatch, times=3)

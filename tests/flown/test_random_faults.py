@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fault_study import plan_of
-from flight_judge import TICK, Finding, Track, found, judge, lift_of
+from flight_judge import Finding, Track, found, judge, lift_of
 from plans import FENCE, NANO
 from short_flights import hovers
 from studies.random_faults import SCENARIOS, draw
@@ -23,6 +23,7 @@ from kybflow.core.signals import NS
 from kybflow.parts import ActiveFaults, Effect
 from kybflow.parts.catalog import load_catalog
 from kybflow.recording.layout import HAS_POSITION
+from kybflow.recording.messages import TICK
 
 RATE = 250
 NANO_PLAN = hovers(1.0)

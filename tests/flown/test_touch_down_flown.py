@@ -113,7 +113,7 @@ class Lifting(Behavior[NoParams], flight=AIR >> AIR, emits=CommandKind.ATTITUDE_
 
 def test_a_landing_goes_on_with_nothing_of_what_was_before(run, monkeypatch):
     """Neither the thrust of the state before, nor the time for which another landing waited."""
-    monkeypatch.setattr("kybflow.runtime.vehicle.behavior_runner.LONGEST_REFUSAL", 2 * NS)
+    monkeypatch.setattr("kybflow.runtime.vehicle.behavior_runner.MAX_REFUSAL_NS", 2 * NS)
     watch = Watch("a")
     lift = state("lift", Lifting, TransitionPlan(target="boast", cause="within", after=0.1))
     boast = state("boast", Boasting, then("landed"), failed("again"))

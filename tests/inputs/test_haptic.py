@@ -15,7 +15,14 @@ from kybflow.core.files import File
 from kybflow.core.geometry import ZERO, Vec3, norm
 from kybflow.core.signals import NS, InputReading
 from kybflow.inputs.haptic import Haptic, HapticLink, HapticParams
-from kybflow.inputs.haptics import FADE, HELD, RESERVE, EnergyTank, HapticState, SimulatedHand
+from kybflow.inputs.haptics import (
+    FADE_TIME_S,
+    HOLD_TIME_S,
+    INITIAL_ENERGY,
+    EnergyTank,
+    HapticState,
+    SimulatedHand,
+)
 from kybflow.inputs.rows import parse
 
 
@@ -108,7 +115,7 @@ def energy_given(
 @pytest.mark.parametrize("kind", ["random", "shaking", "along", "wall"])
 def test_it_is_passive_whatever_it_is_told_to_feel(kind: str, rate: int) -> None:
     most, strongest = energy_given(kind, rate, rate)
-    assert most <= RESERVE + 1e-9
+    assert most <= INITIAL_ENERGY + 1e-9
     assert 0.05 < strongest <= 1.0 + 1e-9
 
 
@@ -120,7 +127,7 @@ def test_it_is_passive_with_any_delay_and_late_ticks(seed: int, rate: int) -> No
     for kind in ("random", "shaking", "along", "wall"):
         delay, jitter = draw.randrange(60), draw.uniform(0.0, 0.3)
         most, _ = energy_given(kind, rate, seed, 8.0, jitter, delay)
-        assert most <= RESERVE + 1e-9
+        assert most <= INITIAL_ENERGY + 1e-9
 
 
 @pytest.mark.parametrize("rate", [100, 250])
@@ -129,7 +136,7 @@ def test_without_its_tank_an_active_law_gives_energy(
 ) -> None:
     monkeypatch.setattr(EnergyTank, "passed", lambda self, force, state: force)
     most, _ = energy_given("along", rate, rate)
-    assert most > 10 * RESERVE
+    assert most > 10 * INITIAL_ENERGY
 
 
 def faded(link: HapticLink, device: SimulatedHand, after: float) -> tuple[float, float]:
@@ -144,8 +151,8 @@ def faded(link: HapticLink, device: SimulatedHand, after: float) -> tuple[float,
 
 def test_a_force_fades_when_the_tick_says_nothing() -> None:
     link, device = opened(hand_of((0.0, 0.5, 0.0, 0.0)), damping=0.0)
-    before, after = faded(link, device, HELD + FADE + 0.002)
-    assert HELD + FADE <= 0.2
+    before, after = faded(link, device, HOLD_TIME_S + FADE_TIME_S + 0.002)
+    assert HOLD_TIME_S + FADE_TIME_S <= 0.2
     assert before > 1.0
     assert after == 0.0
 
@@ -156,7 +163,7 @@ def test_a_force_fades_when_there_is_nothing_to_feel() -> None:
     link.apply_force(None)
     read(link, NS + NS // 20)
     half = norm(device.force)
-    read(link, NS + int((FADE + 0.004) * NS))
+    read(link, NS + int((FADE_TIME_S + 0.004) * NS))
     assert 0.2 * before < half < 0.9 * before
     assert norm(device.force) == 0.0
 

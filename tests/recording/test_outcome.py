@@ -22,9 +22,9 @@ def flown_score() -> Score:
     mk = score.vehicle("mk")
     mk.estimator("mocap", 0.0)
     mk.entered("up", "take_off", 0.5)
-    mk.airborne(True, 0.75)
-    mk.airborne(False, 3.5)
-    mk.airborne(True, 4.25)
+    mk.in_air(True, 0.75)
+    mk.in_air(False, 3.5)
+    mk.in_air(True, 4.25)
     mk.position.add(0.03)
     mk.velocity.add(0.3)
     mk.position.add(0.04)
@@ -103,13 +103,13 @@ def test_the_summary_has_the_documented_shape():
         ([HELD], Ending(), ("succeeded", None)),
         ([HELD, BROKEN], Ending(), ("failed", f"1 of 2 {UNMET}")),
         ([HELD], Ending("not finished in time"), ("failed", "not finished in time")),
-        ([HELD], Ending(airborne={"mk"}), ("failed", "mk ended in the air")),
+        ([HELD], Ending(in_air={"mk"}), ("failed", "mk ended in the air")),
         ([HELD], Ending(recording="disk full"), ("failed", "disk full")),
         ([BROKEN], Ending("interrupted", interrupted=True), ("interrupted", "interrupted")),
         ([HELD], Ending(interrupted=True, driver="link lost"), ("driver_failed", "link lost")),
         (
             [BROKEN],
-            Ending("late", airborne={"mk"}),
+            Ending("late", in_air={"mk"}),
             ("failed", f"late; mk ended in the air; 1 of 1 {UNMET}"),
         ),
     ],

@@ -16,7 +16,7 @@ from tag_floors import CAMERA, grid  # noqa: E402
 
 from kybflow.core.geometry import LEVEL, ZERO  # noqa: E402
 from kybflow.core.signals import NS, Frame  # noqa: E402
-from kybflow.recording.pictures import AT_CHANGES, EVENLY, Pictures  # noqa: E402
+from kybflow.recording.pictures import CHANGE_PICTURES, EVEN_PICTURES, Pictures  # noqa: E402
 from kybflow.recording.run_folder import RunFolderError, create_run_folder  # noqa: E402
 from kybflow.report.data import read_pictures  # noqa: E402
 from kybflow.vision.locating.locate import Located, TagView  # noqa: E402
@@ -72,7 +72,7 @@ def test_however_long_the_flight_the_pictures_are_few_and_even(looked, seconds):
     kept = looked.kept()
     gaps = numpy.diff(kept)
     assert kept[0] == 0.0
-    assert EVENLY / 2 <= len(kept) <= EVENLY
+    assert EVEN_PICTURES / 2 <= len(kept) <= EVEN_PICTURES
     assert set(gaps) == {gaps[0]}
     assert kept[-1] + gaps[0] >= seconds - 0.25
 
@@ -90,8 +90,8 @@ def test_the_frame_of_a_change_stays_and_there_are_not_many_of_these(looked):
             looked.vehicle.estimator = "mocap" if looked.vehicle.estimator != "mocap" else None
         looked.at(n / 4)
     kept = looked.kept()
-    assert [t for t in kept if t % 1.0] == changes[:AT_CHANGES]
-    assert len(kept) <= EVENLY + AT_CHANGES
+    assert [t for t in kept if t % 1.0] == changes[:CHANGE_PICTURES]
+    assert len(kept) <= EVEN_PICTURES + CHANGE_PICTURES
 
 
 def test_a_change_at_a_frame_that_is_kept_anyway_is_no_second_picture(looked):
@@ -128,8 +128,8 @@ def test_a_picture_says_what_its_pose_rests_on(looked):
 def test_a_picture_that_cannot_be_written_is_told_and_no_half_of_it_stays(looked):
     place = looked.folder.path / "frames/mk/tag_camera/down"
     place.mkdir(parents=True)
-    (place / "0001.000s-no-pose.jpg").symlink_to("/dev/full")
+    (place / ".0001.000s-no-pose.jpg.part").symlink_to("/dev/full")
     said = r"0001\.000s-no-pose\.jpg` can't be written: No space"
     with pytest.raises(RunFolderError, match=said):
         looked.at(1.0)
-    assert not list((looked.folder.path / "frames").rglob("*.jpg"))
+    assert not list(place.iterdir())

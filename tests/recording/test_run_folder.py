@@ -96,7 +96,7 @@ def test_a_full_disk_stops_the_events_and_nothing_else(tmp_path, monkeypatch):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
 def test_a_summary_that_cannot_be_written_is_no_summary(tmp_path):
     run = create_run_folder(PLAN, tmp_path, STARTED)
-    (tmp_path / "summary.json").symlink_to("/dev/full")
+    (tmp_path / ".summary.json.part").symlink_to("/dev/full")
     assert not run.finish({"outcome": "succeeded"})
     assert run.failed == f"`{tmp_path}/summary.json` can't be written: No space left on device"
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["events.jsonl"]

@@ -12,7 +12,7 @@ import pytest
 from plans import bent, part, state, then, vehicle
 from short_flights import NoParams, Still, down, hold, named, path, up
 
-from kybflow.api.flight import is_airborne
+from kybflow.api.flight import is_in_air
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, Failed, Setpoint, SetpointKind, Tick, Truth
@@ -268,13 +268,13 @@ def resting(position: Vec3, tilt: float = 0.0, speed: float = 0.0) -> SimpleName
     ],
 )
 def test_who_believes_itself_on_the_ground_may_be_in_the_air(vehicle, mistaken):
-    assert is_airborne(vehicle, ()) is mistaken
+    assert is_in_air(vehicle, ()) is mistaken
 
 
 def test_who_lies_on_another_vehicle_is_not_in_the_air():
     above, below = resting((0.0, 0.05, 0.05)), resting((0.0, 0.0, 0.0))
-    assert is_airborne(resting((0.0, 0.05, 0.08)), ())
-    assert not is_airborne(above, [above, below])
+    assert is_in_air(resting((0.0, 0.05, 0.08)), ())
+    assert not is_in_air(above, [above, below])
 
 
 def test_preflight_keeps_a_vehicle_on_the_ground_that_would_land_at_once(run):

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from kybflow.runtime.interrupts import DEBOUNCE, Interrupts
+from kybflow.runtime.interrupts import DEBOUNCE_S, Interrupts
 
 
 def test_what_a_closed_terminal_sends_at_once_is_one_interrupt_and_a_later_one_another():
@@ -17,7 +17,7 @@ def test_what_a_closed_terminal_sends_at_once_is_one_interrupt_and_a_later_one_a
         signal.raise_signal(signal.SIGHUP)
         signal.raise_signal(signal.SIGTERM)
         assert engine.interrupts == 1
-        clock[0] += DEBOUNCE
+        clock[0] += DEBOUNCE_S
         signal.raise_signal(signal.SIGINT)
         assert engine.interrupts == 2
     assert signal.getsignal(signal.SIGTERM) is before

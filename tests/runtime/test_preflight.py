@@ -15,13 +15,17 @@ from short_flights import down, named, path, up
 from toolchain import MISSIONS, invoke
 
 from kybflow.api.flight import inspect
+from kybflow.api.opening import assemble, open_devices
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Battery, Estimate, Frame, Pose, Reaction
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, SensorPlan, TransitionPlan
 from kybflow.parts import Estimator, Sensor, Stream
-from kybflow.runtime.preflight import PreflightResult
+from kybflow.runtime.clock import SimulatedClock
+from kybflow.runtime.events import Events
+from kybflow.runtime.preflight import PreflightResult, preflight
+from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.touch_down import said_distance
 from kybflow.world.cameras import Camera, Lens
 from kybflow.world.shapes import Box, MovingSphere
@@ -57,6 +61,31 @@ def test_nothing_arms():
 
     inspect(plan(flight(driver=wrapped(lambda _, link: Watched(link, lambda m, now: m)))))
     assert sent == []
+
+
+@pytest.mark.parametrize(
+    ("arrives", "heard", "green"),
+    [(False, True, False), (True, False, False), (True, True, True)],
+    ids=["nothing", "only from the simulator beside it", "from the vehicle"],
+)
+def test_the_link_is_red_until_the_vehicle_itself_has_delivered(arrives, heard, green):
+    def arriving(_, link):
+        opened = Bent(link, lambda measurement, _: measurement)
+        opened.read = lambda now: [Battery(now, 0.9, 12.0)] if arrives else []
+        opened.is_heard = heard
+        return opened
+
+    flown = plan(flight(driver=wrapped(arriving)))
+    devices = open_devices(flown, 0)
+    try:
+        engine = assemble(flown, devices, Events(), SimulatedClock(250), Score(flown))
+        [own] = engine.vehicles
+        own.sense(0)
+        line = next(preflight(own, [own]))
+    finally:
+        devices.close()
+    reason = "delivered 0 ms ago" if green else "no measurement has arrived yet"
+    assert (line.check, line.green, line.reason) == ("link", green, reason)
 
 
 def test_two_swapped_bodies_are_named():

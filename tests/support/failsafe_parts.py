@@ -24,7 +24,7 @@ def alarming(*times: tuple[float, float, Reaction], event: str = "alarmed") -> P
     """A supervisor that asks for each reaction from one time to another, seconds of the run."""
 
     class Alarming(Supervisor[NoParams]):
-        def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+        def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
             for begin, end, reaction in times:
                 if begin * NS <= tick.now < end * NS:
                     return Alarm(event, reaction, "the test says so", 2.0, 1.0)

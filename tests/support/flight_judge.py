@@ -17,15 +17,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from mcap.records import Channel, Message
-from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import NS
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.parts import ActiveFaults
-from kybflow.recording.layout import HAS_POSITION, dtype_spec
+from kybflow.recording.layout import HAS_POSITION
+from kybflow.recording.messages import TICK, read_recording
 from kybflow.recording.run_folder import EVENTS, LOG
 from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import LEGS
@@ -46,7 +45,6 @@ IN_AIR = 0.12
 TOO_HIGH, TOO_LONG = 0.5, 1.0
 TOO_FAST, TOO_FAR = 1.5, 0.5
 ENOUGH_LIFT, ENOUGH_AUTHORITY = 1.1, 0.1
-TICK = np.dtype(dtype_spec("Tick"))
 _TOUCHES, _BEFORE, _RESTS, _STILL = 0.01, 0.03, 1.0, 0.05
 """Metres over the floor that are a touch; seconds before it in which the speed is taken; seconds
 without rotors, and the speed (m/s), after which a vehicle that stands on something rests."""
@@ -141,27 +139,9 @@ def _height(vehicle: VehiclePlan, z: Array, attitude: NDArray[Any]) -> Array:
 
 
 def _tracks(path: Path, plan: Plan) -> dict[str, Track]:
-    topics = {f"/{vehicle.name}/tick": vehicle for vehicle in plan.vehicles}
-    channels: dict[int, str] = {}
-    stamps: dict[str, list[int]] = {topic: [] for topic in topics}
-    data: dict[str, list[bytes]] = {topic: [] for topic in topics}
-    with path.open("rb") as file:
-        for record in StreamReader(file).records:
-            if isinstance(record, Channel) and record.topic in topics:
-                channels[record.id] = record.topic
-            elif isinstance(record, Message) and record.channel_id in channels:
-                topic = channels[record.channel_id]
-                stamps[topic].append(record.log_time)
-                data[topic].append(record.data)
-    return {
-        vehicle.name: Track(vehicle, np.array(stamps[topic], np.int64), _ticks(data[topic]))
-        for topic, vehicle in topics.items()
-        if stamps[topic]
-    }
-
-
-def _ticks(messages: list[bytes]) -> NDArray[Any]:
-    return np.frombuffer(b"".join(messages), TICK)
+    log = read_recording(path)
+    flown = [(vehicle, log[f"/{vehicle.name}/tick"].decoded(TICK)) for vehicle in plan.vehicles]
+    return {vehicle.name: Track(vehicle, *ticks) for vehicle, ticks in flown if len(ticks.times)}
 
 
 def found(

@@ -129,7 +129,7 @@ def _change(score: Score, plan: Plan, state: int, now: int) -> list[Event]:
             events.append(Event(now, "behavior_ended", vehicle.name, fields, "eight.yaml:20"))
         else:
             counted.estimator("mocap", 0.0)
-            counted.airborne(True, 0.0)
+            counted.in_air(True, 0.0)
         name, part = STATES[state]
         counted.entered(name, part, now / NS)
         fields = {"behavior": name, "part": part}

@@ -15,7 +15,7 @@ from sim_worlds import FRAME
 
 from kybflow.core.geometry import LEVEL, ZERO, Vec3
 from kybflow.core.signals import NS, Command, CommandKind, Estimate, Setpoint, SetpointKind
-from kybflow.drivers.mavlink.control.arming import FORCED
+from kybflow.drivers.mavlink.control.arming import FORCE
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.link import AutopilotLink, MavlinkSession, open_session
 from kybflow.drivers.mavlink.params import MavlinkParams
@@ -110,7 +110,7 @@ class Fake:
         result, text = self.refuses.get(message.command, (ACCEPTED, ""))
         if text:
             self.say(text)
-        if message.command == ARM and message.param2 == FORCED:
+        if message.command == ARM and message.param2 == FORCE:
             result = ACCEPTED
         self.send(mavlink.MAVLink_command_ack_message(message.command, result))
         if result == ACCEPTED and self.obeys:

@@ -10,7 +10,7 @@ import cv2
 import numpy
 from tag_floors import CAMERA, grid
 
-from kybflow.vision.images import WIDEST, marked
+from kybflow.vision.images import MAX_PICTURE, marked
 from kybflow.vision.locating.locate import TagView
 
 
@@ -44,5 +44,5 @@ def test_used_tags_are_green_and_others_red():
 def test_without_a_pose_nothing_is_drawn_and_a_wide_picture_becomes_smaller():
     image = numpy.full((1000, 2000), 90, numpy.uint8)
     picture = cv2.imdecode(numpy.frombuffer(marked(image, None, ()), numpy.uint8), 1)
-    assert picture.shape == (400, WIDEST, 3)
+    assert picture.shape == (400, MAX_PICTURE, 3)
     assert numpy.abs(picture.astype(int) - 90).max() <= 1

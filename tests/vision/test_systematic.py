@@ -12,7 +12,7 @@ pytest.importorskip("cv2")
 import numpy
 
 from kybflow.core.geometry import Quat, Vec3, conjugate, from_euler, multiply, sub
-from kybflow.flight.fusion.covariance import WANDERING
+from kybflow.flight.fusion.covariance import WANDERERS
 from kybflow.vision.locating.locate import AT_REST, BodyMotion, Located, TagView, locate
 from kybflow.vision.locating.systematic import systematic
 from kybflow.vision.projection import project
@@ -88,8 +88,8 @@ def test_stamps_that_are_late_tell_where_the_body_was() -> None:
 def test_two_cameras_share_what_their_mounts_do_to_a_pose() -> None:
     both = seen(Setup(FLOOR, (DOWN, REAR), 0.0), (DOWN, REAR))
     slopes = systematic(both, ["down", "rear"], AT_REST, ALL).slopes
-    assert slopes.shape == (6, WANDERING + 17)
-    mounts = slopes[:, WANDERING + 2 : WANDERING + 8], slopes[:, WANDERING + 10 : WANDERING + 16]
+    assert slopes.shape == (6, WANDERERS + 17)
+    mounts = slopes[:, WANDERERS + 2 : WANDERERS + 8], slopes[:, WANDERERS + 10 : WANDERERS + 16]
     turned = sum(part[3:, 3:] for part in mounts)
     assert turned == pytest.approx(ALL.mount_misalignment * numpy.eye(3), abs=1e-3)
     assert all(hypot(*part[:3, :3].ravel()) > 1e-3 for part in mounts)
@@ -99,6 +99,6 @@ def test_only_the_tags_that_hold_the_pose_count() -> None:
     whole = seen(Setup(FLOOR, (DOWN,), 0.0))
     few = whole._replace(used=whole.used[:6])
     wide, narrow = (systematic(pose, ["down"], AT_REST, ALL) for pose in (whole, few))
-    spread = [float((part.slopes[:3, :WANDERING] ** 2).sum()) for part in (wide, narrow)]
+    spread = [float((part.slopes[:3, :WANDERERS] ** 2).sum()) for part in (wide, narrow)]
     assert spread[1] > 2.0 * spread[0]
     assert narrow.extent < wide.extent

@@ -22,7 +22,7 @@ from kybflow.runtime.commanding.orders import PREFIX, SCHEDULE, named
 from kybflow.runtime.engine import Engine
 from kybflow.runtime.vehicle.vehicle import Vehicle
 
-AFTER = 2 * NS
+REQUEST_DELAY_NS = 2 * NS
 
 
 class Assumed(NamedTuple):
@@ -66,7 +66,7 @@ class Person:
             for name, one in waiting.items()
         }
         for name, one in waiting.items():
-            if now - self._since[name][1] < AFTER:
+            if now - self._since[name][1] < REQUEST_DELAY_NS:
                 continue
             event = next((e for e in one.events if (name, e) not in self._given), None)
             if event is not None:

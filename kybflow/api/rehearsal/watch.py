@@ -24,9 +24,9 @@ from kybflow.parts import GROUND
 from kybflow.runtime.engine import Engine
 from kybflow.runtime.vehicle.vehicle import Vehicle
 
-NEARLY = 0.3
+TIME_LIMIT_MARGIN_S = 0.3
 """How long before the time limit the unfinished flows and vehicles are noted, s."""
-LEFT = 0.01
+FENCE_TOLERANCE = 0.01
 """Distance outside the fence above which a position counts as outside, m; less is rounding error.
 """
 
@@ -102,7 +102,7 @@ class Watch:
         """Check the vehicles' batteries, and their positions against the fence and against each
         other."""
         left = self._plan.time_limit - engine.seconds()
-        if 0.0 < left < NEARLY:  # before the engine lands the vehicles that still fly
+        if 0.0 < left < TIME_LIMIT_MARGIN_S:  # before the engine lands the vehicles that still fly
             self._unfinished = (next(_unfinished(engine), None), self._states())
         places = {v.name: v.truth.position for v in engine.vehicles if v.truth is not None}
         before, self._before = self._before, places
@@ -164,7 +164,7 @@ class Watch:
         x, y, z = place
         floor = min(fence.low[2], vehicle.context.start[2])
         beyond = fence.outside_by((x, y, max(z, fence.low[2]) if z >= floor else z))
-        if beyond > LEFT and not _is_steered(vehicle):
+        if beyond > FENCE_TOLERANCE and not _is_steered(vehicle):
             why = f"{beyond:.2f} m outside of the fence"
             found = findings.left_the_fence(self._doing(vehicle), why, "", is_vertical=False)
             self._add_in(vehicle.runner.state, vehicle, found)
@@ -322,7 +322,7 @@ def _rest_together(one: Vehicle, other: Vehicle) -> bool:
         return False
     apart = one.context.airframe.arm + other.context.airframe.arm
     began = distance(one.context.start, other.context.start)
-    return distance(a.position, b.position) < min(apart, began - LEFT)
+    return distance(a.position, b.position) < min(apart, began - FENCE_TOLERANCE)
 
 
 def _steers(state: StatePlan) -> bool:

@@ -68,14 +68,14 @@ def command(
     with refusing("--poses", FileError):
         track = None if poses is None else recorded_track(poses, whose.name)
     try:
-        from kybflow.vision.calibration.walk import MOST, Standing, calibrated, recorded
+        from kybflow.vision.calibration.walk import MOST_FRAMES, Standing, calibrated, recorded
     except ImportError as error:
         raise wrong(None, f"frames need OpenCV ({error}); {WAY_OUT}") from None
     from kybflow.cli.printing.calibration import calibration_lines
 
     known = Standing(whose.start, whose.heading) if standing else track
     with failing(FAILED, CalibrationFailed, DriverError):
-        recording = recorded(frames, lens, MOST)
+        recording = recorded(frames, lens, MOST_FRAMES)
         found = calibrated(recording.frames, lens, plan.tags, known)
     echo("\n".join(calibration_lines(found, len(recording.frames), recording.total)))
     if folder is None:

@@ -16,7 +16,7 @@ from kybflow.cli.output import console, echo
 from kybflow.core.errors import INVALID
 
 _SEEDS = re.compile(r"(\d{1,9})(?:\.\.(\d{1,9}))?")
-_MOST = 100_000
+_MOST_SEEDS = 100_000
 
 
 def command(
@@ -95,7 +95,7 @@ def _seeds(text: str) -> list[int]:
     for item in text.split(","):
         match = _SEEDS.fullmatch(item.strip())
         first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, -1)
-        if not 0 <= last - first < _MOST:
+        if not 0 <= last - first < _MOST_SEEDS:
             raise wrong(
                 "--seeds",
                 f"`{item.strip()}` is neither a seed such as `7` nor a range such as `0..99`",

@@ -30,7 +30,7 @@ _LIMITS = {
 """For each kind of measurement, the standard deviation (in its unit) above which an uncorrected
 error is likely, and a question about the likely cause."""
 _METRES = frozenset({"survey", "reference position"})
-_SURE = 4.0
+_SIGMAS = 4.0
 """Standard deviations of the prior above which a correction is reported as doubtful."""
 _AMISS = {
     **dict.fromkeys(("focal", "centre", "k1"), "is it this camera?"),
@@ -105,7 +105,7 @@ def _doubts(found: WalkCalibration) -> Iterator[str]:
             unit = "px" if kind == "corners" else "m" if kind in _METRES else "rad"
             yield f"doubtful: {kind}, off by {spread:.2f} {unit}; {question}"
     for kind, columns in CORRECTIONS.items():
-        if kind in _AMISS and (abs(found.adjusted.x[columns]) > _SURE * BELIEVED[kind]).any():
+        if kind in _AMISS and (abs(found.adjusted.x[columns]) > _SIGMAS * BELIEVED[kind]).any():
             yield f"doubtful: {kind}, far from its prior; {_AMISS[kind]}"
 
 

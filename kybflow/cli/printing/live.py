@@ -21,7 +21,7 @@ from kybflow.runtime.engine import Engine
 from kybflow.runtime.vehicle.vehicle import Vehicle
 
 _LAST_EVENTS = 6
-_REDRAW = 0.1
+_REDRAW_PERIOD_S = 0.1
 _HELD = {"pause": "paused", "brake": "braked", "pilot": "by pilot"}
 _FRAME, _LEAST_EVENTS = 6, 1
 """Lines of the table in addition to those of the vehicles, and the fewest events shown below the
@@ -59,7 +59,7 @@ class LivePanel:
         """Handle pressed keys. Redraw after a key and ten times a second."""
         self._engine = engine
         pressed = self.commander is not None and self.commander.read_keys()
-        if pressed or time.monotonic() - self._drawn >= _REDRAW:
+        if pressed or time.monotonic() - self._drawn >= _REDRAW_PERIOD_S:
             self._draw()
 
     def _draw(self, refresh: bool = True) -> None:

@@ -17,7 +17,7 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 from zlib import crc32
 
-LONGEST = 1024
+MAX_DATAGRAM = 1024
 """Largest size of a datagram, characters."""
 FIRST_SEQUENCE = 1
 """The sequence number that restarts the sequence."""
@@ -155,7 +155,7 @@ def datagrams(groups: Iterable[Iterable[Line]], first: int) -> tuple[list[bytes]
         for line in group:
             data += line.numbered(first)
             first += 1
-        if packed and len(packed[-1]) + len(data) <= LONGEST:
+        if packed and len(packed[-1]) + len(data) <= MAX_DATAGRAM:
             packed[-1] += data
         elif data:
             packed.append(data)
@@ -164,7 +164,7 @@ def datagrams(groups: Iterable[Iterable[Line]], first: int) -> tuple[list[bytes]
 
 def read_commands(datagram: bytes) -> list[AtCommand]:
     """Return the commands of a datagram; none if it is too long."""
-    if len(datagram) > LONGEST:
+    if len(datagram) > MAX_DATAGRAM:
         return []
     text = datagram.decode("ascii", "replace").replace("\n", "")
     commands = []
@@ -176,7 +176,7 @@ def read_commands(datagram: bytes) -> list[AtCommand]:
 
 
 END = b"\0"
-MOST = 1 << 16
+MAX_CONFIGURATION = 1 << 16
 """Largest size of a configuration, bytes; a real one has about 5,000."""
 
 

@@ -149,12 +149,12 @@ def _truth(value: bool) -> str:
     return "TRUE" if value else "FALSE"
 
 
-INTERVAL: Time = NS // 5
+PERIOD_NS: Time = NS // 5
 """Period in which a change is requested."""
 CHANGE_RESEND_PERIOD: Time = 3 * NS // 100
 """Period in which the request is resent, so that a lost datagram doesn't cause a long round
 trip."""
-TIMEOUT: Time = 2 * NS
+RESEND_TIMEOUT_NS: Time = 2 * NS
 """Time after which to stop resending, and to stop waiting for the first change, since a firmware
 may not know the value."""
 TAG, UNSET = "gps:altitude", "0"
@@ -176,7 +176,7 @@ class RoundTrips:
     def waits(self, now: Time) -> bool:
         """Return whether the delay is unknown but may still be measured: no pending request has
         timed out."""
-        return not self.delay and (self._asked is None or now - self._asked < TIMEOUT)
+        return not self.delay and (self._asked is None or now - self._asked < RESEND_TIMEOUT_NS)
 
     def restart(self) -> None:
         """Discard all round trips, because the drone is being configured."""
@@ -191,7 +191,7 @@ class RoundTrips:
         set."""
         if self._asked is None:
             if now >= self._next:
-                self._asked, self._next, self._asks_for = now, now + INTERVAL, not acknowledges
+                self._asked, self._next, self._asks_for = now, now + PERIOD_NS, not acknowledges
                 self._send(now)
             return
         taken = now - self._asked
@@ -200,7 +200,7 @@ class RoundTrips:
             self.delay = min(self._before, self._newest) / NS
             return
         self.delay = max(min(self._before, self._newest), min(self._newest, taken)) / NS
-        if now - self._sent >= CHANGE_RESEND_PERIOD and taken < TIMEOUT:
+        if now - self._sent >= CHANGE_RESEND_PERIOD and taken < RESEND_TIMEOUT_NS:
             self._send(now)
 
     def _send(self, now: Time) -> None:

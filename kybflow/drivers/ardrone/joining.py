@@ -18,7 +18,7 @@ from ipaddress import AddressValueError, IPv4Address, IPv4Interface, NetmaskValu
 from kybflow.core.errors import DriverError
 
 TELNET = 23
-TIMEOUT = 5.0
+SHELL_TIMEOUT_S = 5.0
 """Seconds to wait for the shell to answer."""
 MOST_BYTES = 1 << 16
 PROMPT = b"# "
@@ -51,7 +51,7 @@ def run_lines(
 ) -> None:
     """Send each line after the shell's prompt. tell: called with each line. Raises DriverError."""
     try:
-        with socket.create_connection((drone, port), TIMEOUT) as shell:
+        with socket.create_connection((drone, port), SHELL_TIMEOUT_S) as shell:
             for line in lines:
                 _await_prompt(shell)
                 tell(line)

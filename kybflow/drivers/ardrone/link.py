@@ -31,8 +31,8 @@ from kybflow.drivers.ardrone.wire import DroneWire
 from kybflow.parts import Check, Link, Seat, Session, StatusText
 from kybflow.world.vehicle_context import Airframe
 
-FRESH: Time = NS // 2
-LATER = 0.15
+NAVSILENCE_NS: Time = NS // 2
+EXCESS_DELAY_S = 0.15
 """Seconds by which a round trip may exceed the delay for which the gains are designed."""
 FIRMWARE = "2."
 """Prefix of an AR.Drone 2.0's firmware version."""
@@ -50,7 +50,7 @@ def checks(
         yield Check("navdata", False, trouble or "none has arrived")
         return
     age = now - status.last_received
-    yield Check("navdata", age < FRESH, f"{age / NS:.1f} s old")
+    yield Check("navdata", age < NAVSILENCE_NS, f"{age / NS:.1f} s old")
     emergency = "; ".join(in_words(status.state)) if status.is_in_emergency else ""
     yield Check("emergency", not emergency, emergency or "none")
     low = DroneState.BATTERY_LOW in status.state
@@ -93,14 +93,14 @@ def round_trip(trips: RoundTrips, latency: float, now: Time) -> Check:
     if not trips.delay:
         return Check("round trip", True, "unknown, so that `link_slow` is never raised")
     words = f"a command and its answer take {trips.delay:.2f} s"
-    good = trips.delay <= latency + LATER
-    late = f"{words}, {latency + LATER:.2f} s at most with `latency: {latency:g} s`"
+    good = trips.delay <= latency + EXCESS_DELAY_S
+    late = f"{words}, {latency + EXCESS_DELAY_S:.2f} s at most with `latency: {latency:g} s`"
     return Check("round trip", good, words if good else late)
 
 
 REQUEST_PERIOD: Time = NS // 5
 """Period of the requests for navigation data while none arrives."""
-SILENCE: Time = NS
+NAVDATA_RETRY_NS: Time = NS
 """Time without navigation data after which it is requested again."""
 FIRST_PACKET_TIMEOUT: Time = 10 * NS
 """Timeout of the first packet."""
@@ -182,9 +182,11 @@ class ArdroneLink(Link):
             self.flight.start_act(now + lasts(act))
         self.wire.stream.post(*lines_of(act, self._ids))
 
-    def checks(self, now: Time) -> Sequence[Check]:
+    def prepare_preflight(self, now: Time) -> None:
         if self.status.is_in_emergency and self.status.stands:
             self.flight.reset_emergency(now)
+
+    def checks(self, now: Time) -> Sequence[Check]:
         found = checks(
             self.status, self.configuring, self._limits, self._airframe, self.wire.trouble, now
         )
@@ -212,7 +214,7 @@ class ArdroneLink(Link):
         """Request navigation data while none arrives, and restart the command sequence after a
         silence."""
         last_received = self.status.last_received
-        if last_received is not None and now - last_received <= SILENCE:
+        if last_received is not None and now - last_received <= NAVDATA_RETRY_NS:
             return
         if self._asked is None or now - self._asked >= REQUEST_PERIOD:
             self._asked = now

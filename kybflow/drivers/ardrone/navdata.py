@@ -327,7 +327,7 @@ _DEMO = struct.Struct("<IIfffifff")
 _U32 = struct.Struct("<I")
 _PHYS = struct.Struct("<fHffffff")
 _DEMO_SIZE, _PHYS_SIZE, _RAW_SIZE, _RAW_BATTERY_AT = 144, 42, 48, 16
-WRAPS = 2048.0
+WRAP_S = 2048.0
 """Seconds after which the time of option TIME wraps."""
 
 
@@ -348,7 +348,7 @@ def write_demo(values: Demo, frame: int = 0) -> tuple[int, bytes]:
 
 
 def drone_time(options: Mapping[int, bytes]) -> float | None:
-    """Return the drone's time in seconds, which wraps after `WRAPS`; None without the option. The
+    """Return the drone's time in seconds, which wraps after `WRAP_S`; None without the option. The
     option has 11 bits of seconds and 21 of microseconds."""
     data = options.get(OptionTag.TIME, b"")
     if len(data) < _U32.size:

@@ -4,8 +4,8 @@ The drone's frame is x forward, y right, z down, with the heading clockwise. Att
 converted to FLU here (as in `ardrone_autonomy`: pitch, heading, v_y and v_z negated). The drone
 reports no position. The horizontal position is integrated from the speed of the optical flow; the
 height above the ground at the start comes from the ultrasound. Both begin at the mission's start.
-The position's standard deviation starts at `FIRST` and grows by `DRIFT` of the distance flown.
-"""
+The position's standard deviation starts at `INITIAL_SPREAD` and grows by `DRIFT` of the distance
+flown."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from kybflow.core.signals import NS, Battery, BatteryWarning, Imu, Measurement, 
 from kybflow.drivers.ardrone.navdata import (
     ALARMS,
     FOLLOWING,
-    WRAPS,
+    WRAP_S,
     Demo,
     DroneState,
     OptionTag,
@@ -96,11 +96,11 @@ class DroneStatus:
         return DroneState.COMMAND_ACKNOWLEDGED in self.state
 
 
-FIRST, DRIFT = 0.05, 0.1
+INITIAL_SPREAD, DRIFT = 0.05, 0.1
 """Standard deviation of the integrated position: at the start, m, and its growth per metre flown,
 m."""
 BATTERY_PERIOD: Time = NS
-LOWEST, SPAN = 9.0, 3.6
+EMPTY_VOLTAGE, VOLTAGE_SPAN = 9.0, 3.6
 """Voltage at which the drone lands, and by how much that of a full battery is higher. They give an
 estimate if the drone doesn't report the voltage."""
 MOST_STEP = 0.5
@@ -129,7 +129,7 @@ class DroneClock:
             passed = 0.0 if last is None else (now - last) / NS
             sent = now
         else:
-            passed = 0.0 if self._read is None else (read - self._read) % WRAPS
+            passed = 0.0 if self._read is None else (read - self._read) % WRAP_S
             self._read = read
             self._run += round(passed * NS)
             sent = min(now, self._run + self._offset.of(now, self._run))
@@ -148,7 +148,7 @@ class Measurements:
         self._turned: float | None = None
         self._place: tuple[float, float] = (context.start[0], context.start[1])
         self._ground: float | None = None
-        self._spread = FIRST
+        self._spread = INITIAL_SPREAD
         self._rates: Vec3 = (0.0, 0.0, 0.0)
         self._last_report: tuple[float, bool] | None = None
         self._reported: Time = 0
@@ -210,7 +210,7 @@ class Measurements:
         self._last_report, self._reported = (share, is_low), now
         raw = decoded(OptionTag.RAW_MEASURES, packet.options.get(OptionTag.RAW_MEASURES, b""))
         measured = raw.get("battery_millivolts")
-        voltage = LOWEST + SPAN * share
+        voltage = EMPTY_VOLTAGE + VOLTAGE_SPAN * share
         if isinstance(measured, int):
             voltage = measured / 1000.0
         warning = BatteryWarning("it reports its battery as low", True) if is_low else None

@@ -18,10 +18,10 @@ from ipaddress import AddressValueError, IPv4Address
 
 from kybflow.core.errors import DriverError, described
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.ardrone.at import END, MOST
+from kybflow.drivers.ardrone.at import END, MAX_CONFIGURATION
 from kybflow.drivers.ardrone.wire import AT, CONTROL, NAVDATA, NAVDATA_REQUEST, Arrived, DroneWire
 
-LONGEST = 8192
+MAX_DATAGRAM = 8192
 MOST_PER_PERIOD = 64
 """Largest number of datagrams received per period; 25 Hz of commands and 200 Hz of data make 8."""
 BUFFER = 1 << 17
@@ -117,7 +117,7 @@ class UdpWire(DroneWire):
             if not select.select((self._data,), (), (), waits)[0]:
                 return
             try:
-                data, sender = self._data.recvfrom(LONGEST)
+                data, sender = self._data.recvfrom(MAX_DATAGRAM)
             except OSError as error:
                 self.trouble = _words(error)
                 continue
@@ -159,12 +159,12 @@ class _ControlChannel:
                 self._socket.connect_ex((self._host, CONTROL))
             return None
         try:
-            data = self._socket.recv(MOST)
+            data = self._socket.recv(MAX_CONFIGURATION)
         except BlockingIOError:
             return None
         except OSError:
             data = b""
-        if not data or len(self._data) > MOST:
+        if not data or len(self._data) > MAX_CONFIGURATION:
             self.close()
             return None
         whole, end, rest = (self._data + data).rpartition(END)

@@ -109,7 +109,7 @@ AT, NAVDATA, VIDEO, CONTROL = 5556, 5554, 5555, 5559
 NAVDATA_REQUEST = b"\x01\x00\x00\x00"
 """The datagram that requests navigation data."""
 Arrived = tuple[Time, Packet]
-RESTARTS: Time = NS
+RESTART_SILENCE_NS: Time = NS
 """Duration of a silence after which the sequence numbers may restart, since the drone may have
 restarted."""
 FIRST_REPORT = 10
@@ -136,7 +136,7 @@ class Gate:
         except Malformed as error:
             self.refused[str(error)] += 1
             return None
-        is_silent = self._last_received is None or now - self._last_received > RESTARTS
+        is_silent = self._last_received is None or now - self._last_received > RESTART_SILENCE_NS
         if packet.sequence <= self._last and not is_silent:
             self.refused["not newer"] += 1
             return None

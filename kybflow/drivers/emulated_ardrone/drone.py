@@ -120,7 +120,7 @@ COMMANDS = frozenset(
 )  # fmt: skip
 FIRST_SEQUENCES = frozenset({0, 1})
 """The sequence numbers that restart the sequence."""
-LOW, EMPTY = 0.2, 0.05
+LOW_CHARGE, EMPTY_CHARGE = 0.2, 0.05
 """The charges below which the drone refuses to take off, and lands, as fractions."""
 HEALTHY = (
     DroneState.VIDEO_THREAD | DroneState.NAVDATA_THREAD | DroneState.AT_THREAD
@@ -226,7 +226,7 @@ class OnboardDrone:
             DroneState.DEMO: self.configuration.truth("general:navdata_demo"),
             DroneState.BOOTSTRAP: self.is_in_bootstrap,
             DroneState.COMMUNICATION_LOST: self.is_lost and not self.is_in_bootstrap,
-            DroneState.BATTERY_LOW: self.battery.remaining < LOW,
+            DroneState.BATTERY_LOW: self.battery.remaining < LOW_CHARGE,
             DroneState.COMMUNICATION_WATCHDOG: self._warned,
             DroneState.EMERGENCY: self._emergency,
         }
@@ -280,7 +280,7 @@ class OnboardDrone:
             elif tilt_of_drone(self.estimator) < LEVEL_ENOUGH and not self.failures.cutout:
                 self._emergency, self._causes = False, DroneState(0)
         self._toggle = is_set
-        may_fly = self.battery.remaining >= LOW and not self.is_in_bootstrap
+        may_fly = self.battery.remaining >= LOW_CHARGE and not self.is_in_bootstrap
         if not bits & at.FLY:
             self.flight.land(self._now)
         elif not self._emergency and self.flight.phase is Phase.LANDED and may_fly:
@@ -344,7 +344,7 @@ class OnboardDrone:
             self._stop(DroneState.CUT_OUT)
         if self.flight.flies and tilt_of_drone(self.estimator) > LEVEL_ENOUGH:
             self._stop(DroneState.ANGLES_OUT_OF_RANGE)
-        if self.battery.remaining < EMPTY:
+        if self.battery.remaining < EMPTY_CHARGE:
             self.flight.land(now)
 
 

@@ -44,9 +44,9 @@ from kybflow.drivers.emulation.control import PositionControl, PositionTarget, S
 from kybflow.drivers.emulation.estimation import AttitudeFilter
 from kybflow.world.vehicle_context import Airframe
 
-FLOW, FLOW_NOISE = NS // 60, 0.03
+FLOW_PERIOD_NS, FLOW_NOISE = NS // 60, 0.03
 """Period of the optical flow, and standard deviation of its speed, m/s."""
-ECHO, ECHO_NOISE = NS // 25, 0.01
+ECHO_PERIOD_NS, ECHO_NOISE = NS // 25, 0.01
 """Period of the ultrasound, and standard deviation of its height, m."""
 FOLLOWS_FLOW, FOLLOWS_ECHO, CLIMB_BY_ECHO = 3.0, 6.0, 9.0
 """Correction gains: of the speed by the flow, 1/s; of the height, 1/s, and of the climb rate,
@@ -88,12 +88,12 @@ class DroneEstimator:
             self.attitude.see(self._compass.heading)
         truth, noise = self._look(), self._generator.gauss
         if now >= self._flow:
-            self._flow, share = now + FLOW, FOLLOWS_FLOW * FLOW / NS
+            self._flow, share = now + FLOW_PERIOD_NS, FOLLOWS_FLOW * FLOW_PERIOD_NS / NS
             x, y, _ = rotate_back(from_heading(heading_of(truth.attitude)), truth.velocity)
             seen = (x + noise(0.0, FLOW_NOISE), y + noise(0.0, FLOW_NOISE), 0.0)
             self.velocity = add(scale(self.velocity, 1.0 - share), scale(seen, share))
         if now >= self._echo:
-            self._echo, dt = now + ECHO, ECHO / NS
+            self._echo, dt = now + ECHO_PERIOD_NS, ECHO_PERIOD_NS / NS
             off = truth.position[2] - self._zero + noise(0.0, ECHO_NOISE) - self.height
             self.height += FOLLOWS_ECHO * dt * off
             self.climb += CLIMB_BY_ECHO * dt * off
@@ -103,24 +103,25 @@ class DroneEstimator:
         self.velocity, self.height, self.climb = ZERO, 0.0, 0.0
 
 
-HEIGHT, CLIMB_SPEED, SINK_SPEED = 0.8, 0.6, 0.4
+TAKEOFF_HEIGHT, CLIMB_SPEED, SINK_SPEED = 0.8, 0.6, 0.4
 """Height of the take-off, m, and speeds up and down, m/s."""
-REACHED = 0.1
+HEIGHT_TOLERANCE = 0.1
 SPOOL_UP: Time = NS // 2
 CLIMB_TIME_CONSTANT = 0.5
 """Time constant of the low-pass on the climb rate, s."""
-LEASH = 0.3
+HEIGHT_LEASH = 0.3
 """Largest difference between the height setpoint and the height, m."""
-BRAKES, BRAKES_MOST = 0.25, 0.2
+BRAKE_GAIN, BRAKE_TILT = 0.25, 0.2
 """Braking: tilt per speed, rad per m/s, and the largest tilt, rad."""
-STILL: Time = 3 * NS // 10
-LOW, SLOW = 0.06, 0.08
-"""Height, m, and climb rate, m/s, below which the drone counts as landed after `STILL`."""
+LANDED_AFTER_NS: Time = 3 * NS // 10
+LANDED_HEIGHT, LANDED_RATE = 0.06, 0.08
+"""Height, m, and climb rate, m/s, below which the drone counts as landed after
+`LANDED_AFTER_NS`."""
 TURN_LEASH = 0.5
 """Largest difference between the heading setpoint and the heading, rad."""
-ROCKING, TURNS = 0.15, 1.0
+ROCK_TILT, SPIN = 0.15, 1.0
 """Amplitude of the tilt, which oscillates once a second, rad; and clockwise heading rate, rad/s."""
-SHORTEST: Time = NS
+MIN_ANIMATION_NS: Time = NS
 """Shortest duration of an animation; the SDK's duration of a flip is not its real duration."""
 
 
@@ -145,13 +146,13 @@ def animation(value: str, now: Time) -> Performance:
     if not 0 <= number < len(FLIGHTS):
         raise ValueError("no animation has this number")
     name = [*FLIGHTS][number]
-    lasts = max(SHORTEST, milliseconds * NS // 1000)
-    roll, pitch = ROCKING * ("roll" in name), ROCKING * ("pitch" in name)
-    return Performance(now, now + lasts, roll, pitch, -TURNS * ("turn" in name or "yaw" in name))
+    lasts = max(MIN_ANIMATION_NS, milliseconds * NS // 1000)
+    roll, pitch = ROCK_TILT * ("roll" in name), ROCK_TILT * ("pitch" in name)
+    return Performance(now, now + lasts, roll, pitch, -SPIN * ("turn" in name or "yaw" in name))
 
 
 def calibration(now: Time) -> Performance:
-    return Performance(now, now + round(2.0 * pi / TURNS * NS), 0.0, 0.0, -TURNS)
+    return Performance(now, now + round(2.0 * pi / SPIN * NS), 0.0, 0.0, -SPIN)
 
 
 class DroneFlight:
@@ -202,8 +203,8 @@ class DroneFlight:
         climb = self._wanted_climb(now)
         self._climb += (climb - self._climb) * min(1.0, dt / CLIMB_TIME_CONSTANT)
         height = self._estimator.height
-        held = min(self._held + self._climb * dt, max(self.highest, height - LEASH))
-        self._held = max(height - LEASH, min(height + LEASH, held))
+        held = min(self._held + self._climb * dt, max(self.highest, height - HEIGHT_LEASH))
+        self._held = max(height - HEIGHT_LEASH, min(height + HEIGHT_LEASH, held))
         if self.phase in (Phase.FLYING, Phase.HOVERING) and self._estimator.imu is not None:
             roll, pitch, _ = to_euler(self._estimator.attitude.value)
             upright = 1.0 - 0.5 * (roll * roll + pitch * pitch)
@@ -246,8 +247,8 @@ class DroneFlight:
         if self.moves is not None:
             return self.tilt_most * self.moves.right, -self.tilt_most * self.moves.backward
         forward, left, _ = self._estimator.velocity
-        size = max(1.0, BRAKES * hypot(forward, left) / BRAKES_MOST)
-        roll, pitch = BRAKES * left / size, -BRAKES * forward / size
+        size = max(1.0, BRAKE_GAIN * hypot(forward, left) / BRAKE_TILT)
+        roll, pitch = BRAKE_GAIN * left / size, -BRAKE_GAIN * forward / size
         if self._performs is None:
             return roll, pitch
         right, down = self._performs.tilts(now)
@@ -256,16 +257,18 @@ class DroneFlight:
     def _update_phase(self, now: Time) -> None:
         """Detect that the drone has taken off or landed."""
         height, climb = self._estimator.height, self._estimator.climb
-        if self.phase is Phase.TAKING_OFF and height > HEIGHT - REACHED:
+        if self.phase is Phase.TAKING_OFF and height > TAKEOFF_HEIGHT - HEIGHT_TOLERANCE:
             self._change(Phase.HOVERING, now)
         elif self.phase in (Phase.HOVERING, Phase.FLYING):
             self.phase = Phase.HOVERING if self.moves is None else Phase.FLYING
-        is_down = self.phase is Phase.LANDING and height < LOW and abs(climb) < SLOW
+        is_down = (
+            self.phase is Phase.LANDING and height < LANDED_HEIGHT and abs(climb) < LANDED_RATE
+        )
         if not is_down:
             self._still = None
         elif self._still is None:
             self._still = now
-        elif now - self._still > STILL:
+        elif now - self._still > LANDED_AFTER_NS:
             self._change(Phase.LANDED, now)
 
     def _change(self, phase: Phase, now: Time) -> None:

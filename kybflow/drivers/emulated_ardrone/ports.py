@@ -157,7 +157,7 @@ def _emptied(waiting: deque[bytes]) -> list[tuple[bytes, Hashable]]:
 
 
 MOST_AT_ONCE = 64
-LONGEST = 2048
+MAX_DATAGRAM = 2048
 BUFFER = 1 << 16
 MOST_CLIENTS = 4
 FIRST_HOST = "127.0.0.2"
@@ -279,7 +279,7 @@ def _received(opened: socket.socket) -> list[tuple[bytes, Hashable]]:
     found: list[tuple[bytes, Hashable]] = []
     while len(found) < MOST_AT_ONCE:
         try:
-            found.append(opened.recvfrom(LONGEST))
+            found.append(opened.recvfrom(MAX_DATAGRAM))
         except OSError:
             break
     return found

@@ -24,7 +24,7 @@ from kybflow.drivers.emulation.fleet import EmulatedVehicle, Fleet
 from kybflow.parts import Link, Seat, Session
 from kybflow.parts.link import Touch
 
-PERIOD: Time = NS // 250
+MAX_STEP_NS: Time = NS // 250
 """Longest step of the drones, which send navigation data 200 times a second."""
 
 
@@ -39,7 +39,7 @@ def open_fleet(
         drone = OnboardDrone(seats[number].context, body, chance)
         return DroneEndpoint(drone, radios[number], chance), False
 
-    return Fleet(seats, generator, build, PERIOD)
+    return Fleet(seats, generator, build, MAX_STEP_NS)
 
 
 class EmulatedDroneLink(ArdroneLink):
@@ -85,7 +85,7 @@ class EmulatedDroneSession(Session):
         ]
         self._fleet = open_fleet(seats, radios, generator)
         self._links: list[EmulatedDroneLink] = []
-        self._now: Time = -PERIOD
+        self._now: Time = -MAX_STEP_NS
         self._ports: list[Ports] = []
         try:
             for number, (seat, emulated) in enumerate(zip(seats, self._fleet.members, strict=True)):
@@ -104,7 +104,7 @@ class EmulatedDroneSession(Session):
     def advance(self, now: Time) -> None:
         """Advance the drones and the wires at their own rates, however long the tick is."""
         while self._now < now:
-            self._now = min(now, self._now + PERIOD)
+            self._now = min(now, self._now + MAX_STEP_NS)
             self._fleet.advance(self._now)
             for link in self._links:
                 link.wire.poll(self._now)

@@ -30,7 +30,7 @@ from kybflow.drivers.emulation.control import PositionControl
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 from kybflow.world.vehicle_context import VehicleContext
 
-REPEATS: Time = 30 * NS
+TEXT_PERIOD_NS: Time = 30 * NS
 """How often a firmware that reports unasked why it can't be armed repeats the reason."""
 REST = Command(LEVEL, 0.0, ZERO, None, armed=False)
 
@@ -127,7 +127,7 @@ class OnboardAutopilot:
         self._find_home(now)
         self._fly(now, (now - self._stepped) / NS)
         complains = self.firmware.complains and not self.state.armed
-        if complains and now - self._complained >= REPEATS:
+        if complains and now - self._complained >= TEXT_PERIOD_NS:
             self._complained = now
             reason = self.firmware.refuses_arming(self.state, now)
             if reason and not reason.endswith("not armable"):

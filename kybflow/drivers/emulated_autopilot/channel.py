@@ -14,9 +14,9 @@ from kybflow.drivers.mavlink.transport.sockets import UdpIn
 from kybflow.drivers.mavlink.transport.wire import Wire
 
 AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
-LISTENS: Time = 5 * NS
+STATION_TIMEOUT_NS: Time = 5 * NS
 """How long a ground station counts as present after its last heartbeat."""
-FASTEST = 250.0
+MAX_STREAM_HZ = 250.0
 
 
 class Channel:
@@ -75,7 +75,7 @@ class Channel:
             self.wire.send(data)
 
     def has_station(self, now: Time) -> bool:
-        return self.station is not None and now - self.station < LISTENS
+        return self.station is not None and now - self.station < STATION_TIMEOUT_NS
 
     def stream(self, name: str, rate: float) -> None:
         """Send a message at `rate` Hz from now on; zero stops it."""
@@ -83,7 +83,7 @@ class Channel:
         if rate <= 0.0:
             self._streams.pop(name, None)
         else:
-            period = round(NS / min(rate, FASTEST))
+            period = round(NS / min(rate, MAX_STREAM_HZ))
             self._streams[name] = (period, self._streams.get(name, (0, 0))[1])
 
     def default(self, name: str) -> float:

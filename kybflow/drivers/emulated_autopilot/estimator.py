@@ -14,19 +14,19 @@ from kybflow.core.geometry import GRAVITY, ZERO, Vec3, norm, rotate
 from kybflow.core.signals import NS, Imu, Time
 from kybflow.drivers.emulation.estimation import AttitudeFilter, PositionObserver
 
-VISION, FIX, PRESSURE = 4.0, 0.7, 1.5
+VISION_GAIN, FIX_GAIN, PRESSURE_GAIN = 4.0, 0.7, 1.5
 """Bandwidths of the observer's corrections by vision, GPS and the barometer, rad/s."""
 GATE = 0.5
 """The largest accepted innovation, metres."""
-REJECTS: Time = NS
+REJECTION_TIME_NS: Time = NS
 """How long measurements are rejected before the position jumps to them."""
-OLDEST: Time = 3 * NS // 10
+MAX_AGE_NS: Time = 3 * NS // 10
 """The greatest age of a pose: the filter runs 0.2 s behind and accepts poses up to 0.1 s older, as
 in PX4 (EKF2_DELAY_MAX) and in ArduPilot's EKF3."""
-UNSYNCHRONISED: Time = 10 * NS
+MAX_CLOCK_ERROR_NS: Time = 10 * NS
 """A stamp that differs by more than this is from another clock; the arrival time is used
 instead."""
-SETTLES: Time = NS
+SETTLING_TIME_NS: Time = NS
 """How long the attitude takes to settle after the start."""
 
 
@@ -65,11 +65,11 @@ class SightingClock:
         if self._ahead is None:
             self._ahead = now - stamp
         age = now - stamp - self._ahead
-        if abs(age) > UNSYNCHRONISED:
+        if abs(age) > MAX_CLOCK_ERROR_NS:
             return now
         if age < 0 and self._adopts is not None:
             self._ahead += age
-        if age <= OLDEST:
+        if age <= MAX_AGE_NS:
             self._late = 0
             return now - max(age, 0)
         self._late += 1
@@ -130,7 +130,7 @@ class EmulatedEstimator:
         return self._vision is not None and now - self._vision < NS // 2
 
     def is_settled(self, now: Time) -> bool:
-        return self.imu is not None and now >= SETTLES
+        return self.imu is not None and now >= SETTLING_TIME_NS
 
     def add_imu(self, imu: Imu, now: Time) -> None:
         """Propagate the estimate with an IMU sample."""
@@ -159,8 +159,10 @@ class EmulatedEstimator:
         jumped = self._resets is not None and pose.resets != self._resets
         left = self._admitted(off, jumped or self._vision is None, now)
         if left is not None:
-            height = VISION if used.vision_height else 0.0
-            self._observer.correct(left, (VISION, VISION, height), self._since(self._vision, now))
+            height = VISION_GAIN if used.vision_height else 0.0
+            self._observer.correct(
+                left, (VISION_GAIN, VISION_GAIN, height), self._since(self._vision, now)
+            )
             self._vision, self._resets = now, pose.resets
             self._height = now if used.vision_height else self._height
 
@@ -178,7 +180,7 @@ class EmulatedEstimator:
         last = self._fixed
         left = self._admitted((x, y, 0.0), last is None, now, gate=10.0 * GATE)
         if left is not None:
-            self._observer.correct(left, (FIX, FIX, 0.0), self._since(last, now))
+            self._observer.correct(left, (FIX_GAIN, FIX_GAIN, 0.0), self._since(last, now))
 
     def aim(self, heading: float, now: Time) -> None:
         """Correct the estimate with the compass heading."""
@@ -194,17 +196,17 @@ class EmulatedEstimator:
             return
         last, zero = self._pressure or (now, 0.0)
         off = height + zero - self.position[2]
-        self._observer.correct((0.0, 0.0, off), (0.0, 0.0, PRESSURE), self._since(last, now))
+        self._observer.correct((0.0, 0.0, off), (0.0, 0.0, PRESSURE_GAIN), self._since(last, now))
         self._pressure = (now, zero)
 
     def _admitted(self, off: Vec3, anew: bool, now: Time, gate: float = GATE) -> Vec3 | None:
         """Return the offset by which to correct the position; None if the measurement is rejected.
         anew: whether the position jumps to the measurement at once. It also jumps to measurements
-        that have been far off for `REJECTS`."""
+        that have been far off for `REJECTION_TIME_NS`."""
         is_far = norm(off) > gate
         if is_far and not anew:
             self._rejecting = now if self._rejecting is None else self._rejecting
-            if now - self._rejecting < REJECTS:
+            if now - self._rejecting < REJECTION_TIME_NS:
                 return None
         if is_far or anew:
             self._observer.shift(off)

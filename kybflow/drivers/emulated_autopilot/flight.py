@@ -12,27 +12,27 @@ from kybflow.core.signals import NS, Command, Time
 from kybflow.drivers.emulated_autopilot.firmware import EmulatedFirmware
 from kybflow.drivers.emulated_autopilot.setpoints import AttitudeTarget
 from kybflow.drivers.emulated_autopilot.state import EmulatedState, Role
-from kybflow.drivers.emulation.control import STEADY, PositionControl, PositionTarget
+from kybflow.drivers.emulation.control import STEADY_SPEED, PositionControl, PositionTarget
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 
-LANDS, SLIGHT, SLOW = 0.6, 0.65, 0.25
+LANDED_AFTER_S, LANDED_THRUST, LANDED_RATE = 0.6, 0.65, 0.25
 """Landing: for this many seconds the thrust is less than this fraction of the hover thrust, and the
 vertical speed less than this."""
-TOUCHES, PUSHED = 0.3, 0.9
+CONTACT_AFTER_S, CONTACT_THRUST = 0.3, 0.9
 """Ground contact during a landing: in this many seconds the vehicle has hardly descended, with a
 thrust of less than this fraction of the hover thrust. From then on it only stays level, as PX4 does
 with `ground_contact` and ArduPilot with `land_complete_maybe`."""
-LIFTS, LIFTED = 0.9, 0.08
+LIFT_OFF_THRUST, LIFTED_HEIGHT = 0.9, 0.08
 """Lift-off: the thrust is more than this fraction of the hover thrust, and the vehicle this far
 above the ground."""
-CLEAR = 0.5
+CLEAR_HEIGHT = 0.5
 """Above this height nothing supports the vehicle from below, unless it is landing."""
-REACHED = 0.15
-SPOOLS: Time = NS
+HEIGHT_TOLERANCE = 0.15
+SPOOL_UP_NS: Time = NS
 """How long the rotors spool up before a take-off."""
 STICK_SPEED, STICK_TURN = 2.0, 1.0
 """The speed and the turn rate at full stick deflection, m/s and rad/s."""
-SINKS = 2.4
+SINK_SPEED = 2.4
 """The descent speed in a pilot's mode without a pilot, m/s: the throttle stick reads zero."""
 FAST_ABOVE = 5.0
 """Above this height, metres, the vehicle descends twice as fast."""
@@ -65,7 +65,7 @@ class EmulatedFlight:
         self._heading = estimator.attitude.heading
         self._attitude = estimator.attitude.value
         self._is_home, self._turning, self._began = False, False, now
-        self._contact_at, self._was_at = now + round(TOUCHES * NS), None
+        self._contact_at, self._was_at = now + round(CONTACT_AFTER_S * NS), None
         self._has_touched = False
         state = self._state
         if state.flying.role is Role.FOLLOW:
@@ -104,19 +104,19 @@ class EmulatedFlight:
         """Detect lift-off and landing; in the air, learn the hover thrust."""
         state, control, estimator = self._state, self._control, self._state.estimator
         climb, height = estimator.velocity[2], estimator.position[2] - state.ground
-        if not state.is_down and abs(climb) < STEADY:
-            clear = height > CLEAR and state.flying.role not in (Role.LAND, Role.RETURN)
+        if not state.is_down and abs(climb) < STEADY_SPEED:
+            clear = height > CLEAR_HEIGHT and state.flying.role not in (Role.LAND, Role.RETURN)
             up = body_z(estimator.attitude.value)[2]
             control.learn(up, estimator.acceleration[2], clear, dt)
         share = control.thrust / control.hover
         if now >= self._contact_at:
             self._detect_contact(now, share)
         if state.is_down:
-            if share > LIFTS and height > LIFTED:
+            if share > LIFT_OFF_THRUST and height > LIFTED_HEIGHT:
                 state.landed, state.has_flown, self._slight = LandedState.AIR, True, None
-        elif share < SLIGHT and abs(climb) < SLOW:
+        elif share < LANDED_THRUST and abs(climb) < LANDED_RATE:
             self._slight = now if self._slight is None else self._slight
-            if now - self._slight > LANDS * NS:
+            if now - self._slight > LANDED_AFTER_S * NS:
                 state.landed, state.landed_at, self._slight = LandedState.GROUND, now, None
                 state.climb_to = None
         else:
@@ -131,19 +131,19 @@ class EmulatedFlight:
         """Detect ground contact or its end. A vehicle that still climbed when the landing began may
         only have stopped climbing."""
         was, height = self._was_at, self._state.estimator.position[2]
-        if was is not None and was - height >= SLOW * TOUCHES:
+        if was is not None and was - height >= LANDED_RATE * CONTACT_AFTER_S:
             self._has_touched = False
-        elif was is not None and share < PUSHED:
+        elif was is not None and share < CONTACT_THRUST:
             self._has_touched = True
-        self._contact_at, self._was_at = now + round(TOUCHES * NS), height
+        self._contact_at, self._was_at = now + round(CONTACT_AFTER_S * NS), height
 
     def _starts(self, now: Time) -> bool:
         """Return whether the vehicle is commanded to leave the ground."""
         state = self._state
-        if now - state.armed_at < SPOOLS:
+        if now - state.armed_at < SPOOL_UP_NS:
             return False
         if state.climb_to is not None and state.flying.role in (Role.TAKE_OFF, Role.FOLLOW):
-            return now - self._began > SPOOLS
+            return now - self._began > SPOOL_UP_NS
         role = state.flying.role
         if role is Role.PILOT:
             sticks = state.sticks
@@ -157,7 +157,7 @@ class EmulatedFlight:
     def _rises(self, target: PositionTarget) -> bool:
         z, climb = target.position[2], target.velocity[2]
         if z is not None:
-            return z - self._state.estimator.position[2] > REACHED
+            return z - self._state.estimator.position[2] > HEIGHT_TOLERANCE
         if climb is not None:
             return climb > 0.05
         return (target.acceleration[2] or 0.0) > 0.2
@@ -199,7 +199,7 @@ class EmulatedFlight:
         up = self._firmware.takes_off
         z = min(to, max(z, state.estimator.position[2] - 0.3) + up * dt)
         self._held = (x, y, z)
-        is_near = abs(state.estimator.position[2] - to) < REACHED
+        is_near = abs(state.estimator.position[2] - to) < HEIGHT_TOLERANCE
         if state.climb_to is not None and is_near and not state.is_down:
             state.climb_to, self._held = None, (x, y, to)
         return PositionTarget(self._held, (0.0, 0.0, up if z < to else 0.0), heading=self._heading)
@@ -237,7 +237,7 @@ class EmulatedFlight:
         state, sticks = self._state, self._state.sticks
         if sticks is None or not state.has_pilot(now):
             return PositionTarget(
-                (*self._held[:2], None), (0.0, 0.0, -SINKS), heading=self._heading
+                (*self._held[:2], None), (0.0, 0.0, -SINK_SPEED), heading=self._heading
             )
         heading = state.estimator.attitude.heading
         vx, vy, vz = (

@@ -41,9 +41,9 @@ RELATIVE = (
 """Frames whose heights are measured from the home position."""
 CUSTOM = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 DENIED: int = mavlink.MAV_RESULT_DENIED
-REFUSED, UNKNOWN_COMMAND = 129, 7
+NAK, UNKNOWN_COMMAND = 129, 7
 """Values of the file transfer protocol: NAK, and the reason for it."""
-RELEASED, IGNORED = 0, 65535
+PULSE_RELEASED, PULSE_IGNORED = 0, 65535
 """Special pulses of an overridden channel: return it to the transmitter; leave it unchanged."""
 GROUPS = {
     "RAW_SENSORS": (1, "RAW_IMU"),
@@ -178,7 +178,7 @@ class MessageHandlers:
         """Refuse file transfers at once, so that no client waits for a timeout."""
         asked = bytes(m.payload)
         number = (int.from_bytes(asked[:2], "little") + 1) & 0xFFFF
-        head = [*number.to_bytes(2, "little"), asked[2], REFUSED, 1, asked[3], 0, 0, 0, 0, 0, 0]
+        head = [*number.to_bytes(2, "little"), asked[2], NAK, 1, asked[3], 0, 0, 0, 0, 0, 0]
         answer = [*head, UNKNOWN_COMMAND, *[0] * (251 - len(head) - 1)]
         return mavlink.MAVLink_file_transfer_protocol_message(0, *_sender(m), answer)
 
@@ -213,8 +213,8 @@ class MessageHandlers:
         if m.get_srcSystem() != int(a.state.parameters.get("SYSID_MYGCS", m.get_srcSystem())):
             return
         pulses = (m.chan1_raw, m.chan2_raw, m.chan3_raw, m.chan4_raw)
-        if any(pulse in (RELEASED, IGNORED) for pulse in pulses):
-            a.state.sticks = None if RELEASED in pulses else a.state.sticks
+        if any(pulse in (PULSE_RELEASED, PULSE_IGNORED) for pulse in pulses):
+            a.state.sticks = None if PULSE_RELEASED in pulses else a.state.sticks
             return
         roll, pitch, throttle, yaw = pulses
         a.state.sticks = PilotSticks(
@@ -235,7 +235,7 @@ def _sender(m: Any) -> tuple[int, int]:
     return m.get_srcSystem(), m.get_srcComponent()
 
 
-FORCED = 21196
+FORCE = 21196
 """The second parameter of COMPONENT_ARM_DISARM that forces arming or disarming."""
 
 Params = tuple[float, ...]
@@ -298,7 +298,7 @@ class CommandHandlers:
 
     def _arm(self, p: Params) -> int:
         a = self._a
-        state, forced = a.state, p[1] == FORCED
+        state, forced = a.state, p[1] == FORCE
         if p[0] == 0.0:
             if not state.armed:
                 return ACCEPTED

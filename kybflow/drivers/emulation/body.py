@@ -23,7 +23,7 @@ COMPASS_ERROR, COMPASS_NOISE = 3.0 * DEG, 0.5 * DEG
 PRESSURE_NOISE, PRESSURE_WANDERS, PRESSURE_LASTS = 0.03, 0.10, 60.0
 """Errors of the barometric height: the standard deviations of its noise and of its drift, metres,
 and the drift's time constant, seconds."""
-EMPTY, SPAN = 9.6, 3.0
+EMPTY_VOLTAGE, VOLTAGE_SPAN = 9.6, 3.0
 """The voltage of an empty three-cell battery, and how much higher that of a full one is."""
 
 
@@ -94,5 +94,5 @@ class BatteryMonitor:
         """The voltage: that of a three-cell battery if a failure sets the charge; 0 before the
         first measurement."""
         if self._failures.battery is not None:
-            return EMPTY + SPAN * self._failures.battery
+            return EMPTY_VOLTAGE + VOLTAGE_SPAN * self._failures.battery
         return 0.0 if self._measured is None else self._measured.voltage

@@ -35,28 +35,28 @@ from kybflow.world.vehicle_context import Airframe
 
 Axes = tuple[float | None, float | None, float | None]
 FREE: Axes = (None, None, None)
-POSITION = (1.2, 1.2, 1.5)
+POSITION_GAINS = (1.2, 1.2, 1.5)
 """Gains from position error to velocity, 1/s."""
-VELOCITY = (3.5, 3.5, 5.0)
+VELOCITY_GAINS = (3.5, 3.5, 5.0)
 """Gains from velocity error to acceleration, 1/s."""
-INTEGRAL = (1.0, 1.0, 2.5)
+INTEGRAL_GAINS = (1.0, 1.0, 2.5)
 """Gains of the integral of the velocity error, 1/s^2."""
 MOST_INTEGRAL = (2.0, 2.0, 4.0)
 """Bounds of the integrals, m/s^2."""
-TILT = 35.0 * DEG
-TURNS = 90.0 * DEG
+MAX_TILT = 35.0 * DEG
+MAX_TURN = 90.0 * DEG
 """The largest rate of the commanded heading, rad/s."""
-INITIAL, LEARNING = 0.5, 10.0
+INITIAL_LEARNING_S, LEARNING_S = 0.5, 10.0
 """Seconds over which the hover thrust is averaged: at first, when they act as the weight of the
 initial value, and at most."""
-STEADY = 2.0
+STEADY_SPEED = 2.0
 """The vertical speed up to which the hover thrust is learnt, m/s, as in PX4."""
-SUDDEN, DETECTED = 0.15, 0.25
+SUDDEN_CHANGE, DETECTION_S = 0.15, 0.25
 """A sudden change of the hover thrust as a fraction of the weight, and the seconds over which it is
 detected."""
 LEAST_HOVER, MOST_HOVER = 0.5, 2.0
 """Bounds of the learnt hover thrust, as fractions of the weight."""
-LIGHTEST = 0.15
+MIN_THRUST = 0.15
 """The least thrust in the air, as a fraction of the weight: a quadrotor needs some to keep its
 attitude."""
 
@@ -89,7 +89,7 @@ class PositionControl:
         self._integral = [0.0, 0.0, 0.0]
         self._heading = heading
         self.thrust, self.hover = 0.0, airframe.hover_thrust
-        self._averaged, self._surprise = INITIAL, 0.0
+        self._averaged, self._surprise = INITIAL_LEARNING_S, 0.0
         self._saturates = False
 
     def begin(self, heading: float) -> None:
@@ -115,8 +115,8 @@ class PositionControl:
         heading, radians. speeds: bounds of the position correction."""
         wanted = self._velocity(target, position, speeds)
         ax, ay, az = self._acceleration(target, wanted, velocity, dt)
-        up = max(LIGHTEST * GRAVITY, az + GRAVITY)
-        most = up * tan(TILT)
+        up = max(MIN_THRUST * GRAVITY, az + GRAVITY)
+        most = up * tan(MAX_TILT)
         along = hypot(ax, ay)
         if along > most:
             ax, ay = ax * most / along, ay * most / along
@@ -141,12 +141,12 @@ class PositionControl:
         acceleration: upward, m/s^2.
         clear: whether nothing can support the vehicle from below."""
         weight = self._airframe.hover_thrust
-        lift = self.thrust * upright / max(LIGHTEST, 1.0 + acceleration / GRAVITY)
+        lift = self.thrust * upright / max(MIN_THRUST, 1.0 + acceleration / GRAVITY)
         lacks = lift - self.hover
         surprise = lacks if clear else max(0.0, lacks)
-        self._surprise += (surprise - self._surprise) * dt / DETECTED
-        is_sudden = abs(self._surprise) > SUDDEN * weight
-        self._averaged = INITIAL if is_sudden else min(LEARNING, self._averaged + dt)
+        self._surprise += (surprise - self._surprise) * dt / DETECTION_S
+        is_sudden = abs(self._surprise) > SUDDEN_CHANGE * weight
+        self._averaged = INITIAL_LEARNING_S if is_sudden else min(LEARNING_S, self._averaged + dt)
         learnt = self.hover + lacks * dt / self._averaged
         self.hover = max(LEAST_HOVER * weight, min(MOST_HOVER * weight, learnt))
 
@@ -156,7 +156,7 @@ class PositionControl:
     def _velocity(self, target: PositionTarget, position: Vec3, speeds: Speeds) -> Axes:
         asked: list[float | None] = [None, None, None]
         for axis, (to, at, gain) in enumerate(
-            zip(target.position, position, POSITION, strict=True)
+            zip(target.position, position, POSITION_GAINS, strict=True)
         ):
             if to is not None:
                 asked[axis] = gain * (to - at)
@@ -178,10 +178,10 @@ class PositionControl:
             out[axis] = 0.0 if fed is None else fed
             if to is not None:
                 most = MOST_INTEGRAL[axis]
-                grown = self._integral[axis] + INTEGRAL[axis] * (to - at) * dt
+                grown = self._integral[axis] + INTEGRAL_GAINS[axis] * (to - at) * dt
                 if not self._saturates or abs(grown) < abs(self._integral[axis]):
                     self._integral[axis] = max(-most, min(most, grown))
-                out[axis] += VELOCITY[axis] * (to - at) + self._integral[axis]
+                out[axis] += VELOCITY_GAINS[axis] * (to - at) + self._integral[axis]
         return (out[0], out[1], out[2])
 
     def _turn(self, target: PositionTarget, dt: float) -> float:
@@ -192,7 +192,7 @@ class PositionControl:
             self._heading = wrap(self._heading + rate * dt)
             return rate
         left = wrap(target.heading - self._heading)
-        self._heading = wrap(self._heading + max(-TURNS * dt, min(TURNS * dt, left)))
+        self._heading = wrap(self._heading + max(-MAX_TURN * dt, min(MAX_TURN * dt, left)))
         return rate
 
 

@@ -40,13 +40,13 @@ from kybflow.core.geometry import (
 )
 from kybflow.core.signals import NS, Imu, Time
 
-LEVELLING, AIDED = 0.10, 0.6
+LEVELLING_RATE, AIDED_RATE = 0.10, 0.6
 """How fast the accelerometer levels the attitude, alone and with a known acceleration, 1/s. The
 gyroscope's bias is learnt with critical damping, at a quarter of the square of this gain, 1/s^2."""
-AIMING, AIMING_BIAS = 1.0, 0.1
+HEADING_RATE, HEADING_BIAS_GAIN = 1.0, 0.1
 """How fast the heading follows the measured one, 1/s, and the gain of the gyroscope's bias about
 the vertical, 1/s^2."""
-LIGHTEST, HEAVIEST = 0.5 * GRAVITY, 1.5 * GRAVITY
+MIN_FORCE, MAX_FORCE = 0.5 * GRAVITY, 1.5 * GRAVITY
 UP: Vec3 = (0.0, 0.0, 1.0)
 
 
@@ -85,20 +85,20 @@ class AttitudeFilter:
         back = conjugate(self.value)
         up = rotate(back, UP)
         force, size = imu.specific_force, norm(imu.specific_force)
-        gain, error = LEVELLING, ZERO
+        gain, error = LEVELLING_RATE, ZERO
         if lacking is not None:
-            gain, error = AIDED, scale(cross(force, rotate(back, lacking)), 1.0 / GRAVITY**2)
-        elif LIGHTEST < size < HEAVIEST:
+            gain, error = AIDED_RATE, scale(cross(force, rotate(back, lacking)), 1.0 / GRAVITY**2)
+        elif MIN_FORCE < size < MAX_FORCE:
             error = scale(cross(force, up), 1.0 / size)
-        learnt = add(scale(error, gain**2 / 4.0), scale(up, AIMING_BIAS * self._off))
+        learnt = add(scale(error, gain**2 / 4.0), scale(up, HEADING_BIAS_GAIN * self._off))
         self._bias = sub(self._bias, scale(learnt, imu.dt))
         self.rate = sub(imu.angular_velocity, self._bias)
-        aimed = add(scale(error, gain), scale(up, AIMING * self._off))
+        aimed = add(scale(error, gain), scale(up, HEADING_RATE * self._off))
         self.value = integrate(self.value, add(self.rate, aimed), imu.dt)
-        self._off *= max(0.0, 1.0 - AIMING * imu.dt)
+        self._off *= max(0.0, 1.0 - HEADING_RATE * imu.dt)
 
 
-REMEMBERED: Time = NS // 2
+HISTORY_NS: Time = NS // 2
 MOST_BIAS = 0.5
 """The bound of the estimated error of the acceleration, m/s^2."""
 
@@ -121,7 +121,7 @@ class PositionObserver:
         self.position = add(self.position, move)
         self.velocity = add(self.velocity, scale(a, dt))
         self._past.append((now, sub(self.position, self._shifted)))
-        while self._past[0][0] < now - REMEMBERED:
+        while self._past[0][0] < now - HISTORY_NS:
             self._past.popleft()
 
     def off(self, position: Vec3, at: Time) -> Vec3:

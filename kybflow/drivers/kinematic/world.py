@@ -136,7 +136,7 @@ BATTERY_PERIOD: Time = NS // 10
 LIFT_OFF = 0.01
 """Height above the ground, metres, that a vehicle must exceed before a touchdown counts as a new
 touch."""
-NOISE = 1e-6
+ALTERNATING_ERROR = 1e-6
 """Alternating error of IMU samples, m/s^2, and poses, m, because two equal samples would count as
 stuck."""
 DISC = ((0.0, 0.0), *((cos(n * pi / 4), sin(n * pi / 4)) for n in range(8)))
@@ -157,7 +157,7 @@ class IdealVehicle(Link):
         self._due: Time = 0
         self._kinds: frozenset[MeasurementKind] = frozenset()
         self._imu: Imu | None = None
-        self._noise = NOISE
+        self._noise = ALTERNATING_ERROR
         self._arriving: list[Measurement] = []
         parcel = context.payload
         self._on_board = parcel is not None and parcel.aboard

@@ -26,13 +26,13 @@ from kybflow.world.vehicle_context import Airframe, InnerLoop, Parcel, attitude_
 if TYPE_CHECKING:
     import random
 
-OFTEN = 40.0
+ACCELERATION_RATE_HZ = 40.0
 """The lowest setpoint rate, Hz, at which kybflow's position loop may send accelerations."""
-SLOW, QUICK = 100, 250
-"""Control rates, Hz: SLOW if it allows two ticks per setpoint, otherwise QUICK. The attitude loop,
-which needs a higher rate, runs on the autopilot."""
+SLOW_CONTROL_HZ, QUICK_CONTROL_HZ = 100, 250
+"""Control rates, Hz: SLOW_CONTROL_HZ if it allows two ticks per setpoint, otherwise
+QUICK_CONTROL_HZ. The attitude loop, which needs a higher rate, runs on the autopilot."""
 THRUSTS = frozenset({CommandKind.ATTITUDE_THRUST, CommandKind.RATES_THRUST})
-DEAD_TIME, LINK = 0.005, 0.01
+DEAD_TIME_S, LINK_S = 0.005, 0.01
 """Delays in seconds: from the autopilot's gyroscope to its rotors, and from this program to the
 autopilot."""
 
@@ -66,14 +66,14 @@ class Mavlink(Driver[MavlinkParams]):
     def tracker(cls, params: AutopilotLinkParams) -> Mapping[str, str]:
         """Return the default tracker: by acceleration if kybflow provides the position and sends
         setpoints often enough, otherwise by position."""
-        if params.position != "outside" or params.rate < OFTEN:
+        if params.position != "outside" or params.rate < ACCELERATION_RATE_HZ:
             return {"use": "on_board", "by": "position"}
         keeps = "true" if profile_of(params.autopilot).keeps_height else "false"
         return {"use": "on_board", "by": "acceleration", "keeps_height": keeps}
 
     @classmethod
     def control_rate(cls, params: AutopilotLinkParams) -> int:
-        return SLOW if 2 * params.rate <= SLOW else QUICK
+        return SLOW_CONTROL_HZ if 2 * params.rate <= SLOW_CONTROL_HZ else QUICK_CONTROL_HZ
 
     @classmethod
     def inner_loop(cls, params: MavlinkParams, airframe: Airframe) -> InnerLoop:
@@ -81,7 +81,7 @@ class Mavlink(Driver[MavlinkParams]):
         profile, lag = profile_of(params.autopilot), airframe.rotor_time
         gain = airframe.attitude_gain or profile.attitude_gain
         loop = attitude_loop(lag, gain, airframe.rate_gain)
-        return InnerLoop(loop, lag, profile.gyro_filter, DEAD_TIME, LINK + 0.5 / params.rate)
+        return InnerLoop(loop, lag, profile.gyro_filter, DEAD_TIME_S, LINK_S + 0.5 / params.rate)
 
     @classmethod
     def shows(cls, params: MavlinkParams) -> bool:

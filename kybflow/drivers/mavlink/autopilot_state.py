@@ -28,7 +28,7 @@ from kybflow.drivers.mavlink.firmware import FirmwareProfile
 from kybflow.drivers.mavlink.params import MavlinkParams
 from kybflow.drivers.mavlink.protocol import codec
 from kybflow.drivers.mavlink.protocol.framing import LAYOUTS, NUMBERS, Message, mavlink
-from kybflow.drivers.mavlink.protocol.signing import SIGNATURE
+from kybflow.drivers.mavlink.protocol.signing import SIGNATURE_BYTES
 from kybflow.drivers.mavlink.telemetry import received_status
 from kybflow.drivers.mavlink.telemetry import truth as ground_truth
 from kybflow.drivers.mavlink.telemetry.clocks import BootClock, TimeSync
@@ -46,11 +46,11 @@ from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Port,
 from kybflow.drivers.mavlink.transport.wire import read_address
 from kybflow.parts import Check, Seat, StatusText
 
-SHORTEST: Time = 3 * NS // 10
+SILENCE_THRESHOLD_NS: Time = 3 * NS // 10
 """The longest interval without a message that doesn't count as a silence."""
-FORGETS: Time = 2 * NS
+STREAM_LOSS_TIMEOUT_NS: Time = 2 * NS
 """The streams are requested again after a silence longer than this."""
-REPEATED: Time = 60 * NS
+TEXT_REPEAT_NS: Time = 60 * NS
 """How long a status text is suppressed after it was reported."""
 DISARM, REFUSALS = "disarm", ("denied", "not landed", "refused", "rejected")
 ALERT = mavlink.MAV_SEVERITY_ALERT
@@ -141,12 +141,12 @@ class AutopilotState:
             return False
         gap = 0 if self._received_at is None else now - self._received_at
         self._received_at = now
-        if gap > SHORTEST:
+        if gap > SILENCE_THRESHOLD_NS:
             self.silence = Silence(now, gap / NS)
         for message in messages:
             self.status.handle(message, now)
             self._handlers.get(message.get_type(), self.telemetry.handle)(message, now)
-        return gap > FORGETS
+        return gap > STREAM_LOSS_TIMEOUT_NS
 
     def new_texts(self, *, is_disarming: bool) -> Sequence[StatusText]:
         """Return the new texts of severity warning or worse, each at most once a minute. Refusals
@@ -166,7 +166,7 @@ class AutopilotState:
         reported = []
         for time, severity, text in texts:
             last = self._reported.get(text)
-            if severity <= WARNING and (last is None or time - last > REPEATED):
+            if severity <= WARNING and (last is None or time - last > TEXT_REPEAT_NS):
                 self._reported[text] = time
                 reported.append(StatusText(SEVERITIES[severity], text))
         return reported
@@ -200,17 +200,17 @@ SET_MESSAGE_INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 REQUEST_MESSAGE = mavlink.MAV_CMD_REQUEST_MESSAGE
 STATION = mavlink.MAV_COMP_ID_MISSIONPLANNER
 """Our component id in ground-station messages."""
-ROUND: Time = 5 * NS
+ROUND_PERIOD_NS: Time = 5 * NS
 """The pause between two rounds of requests for streams that don't arrive."""
-ROUNDS = 3
-SILENT: Time = 3 * NS
-SETTLED: Time = 2 * NS
+MOST_ROUNDS = 3
+STREAM_GAP_NS: Time = 3 * NS
+COUNTING_TIME_NS: Time = 2 * NS
 """How long unread messages are counted after each round of stream requests."""
-OFTEN = 4
+UNREAD_MESSAGES = 4
 """A stream with at least this many unread messages in that time is switched off."""
-POLL: Time = NS // 4
+POLL_PERIOD_NS: Time = NS // 4
 """The pause between two requests for a message whose rate can't be set."""
-STOPPED, DEFAULT = -1.0, 0.0
+STREAM_STOPPED, STREAM_DEFAULT = -1.0, 0.0
 """Special values of SET_MESSAGE_INTERVAL: stop the stream; restore its default rate."""
 
 
@@ -259,13 +259,13 @@ class KeepAlive:
             a.status.at.pop("GPS_GLOBAL_ORIGIN", None)
             a.parameters.read(self._names, now, again=True)
             self.begin_anew()
-        if self._rounds < ROUNDS and now >= self._round:
+        if self._rounds < MOST_ROUNDS and now >= self._round:
             self._request_all(now)
         if self._settled is not None and now >= self._settled:
             self._settled = None
             self._stop_unread(now)
         if now >= self._poll:
-            self._poll = now + POLL
+            self._poll = now + POLL_PERIOD_NS
             for message in self._polled:
                 a.port.send(message)
         for requests in (a.requests, a.parameters, a.sync):
@@ -276,23 +276,23 @@ class KeepAlive:
         """Restore the default rate of every stream that was requested."""
         a = self._autopilot
         for number in self._requested:
-            a.port.send(codec.command_long(a.target, SET_MESSAGE_INTERVAL, number, DEFAULT))
+            a.port.send(codec.command_long(a.target, SET_MESSAGE_INTERVAL, number, STREAM_DEFAULT))
 
     def _stop_unread(self, now: Time) -> None:
         """Switch off the streams that arrived often since the last requests and were not read."""
         unread = self._autopilot.port.unread()
-        for number in sorted(n for n, count in unread.items() if count >= OFTEN):
-            self._set_interval(STOPPED, number, now)
+        for number in sorted(n for n, count in unread.items() if count >= UNREAD_MESSAGES):
+            self._set_interval(STREAM_STOPPED, number, now)
 
     def _request_all(self, now: Time) -> None:
         a = self._autopilot
         if self._rounds == 0:
             a.parameters.read(self._names, now)
         self._rounds += 1
-        self._round, self._settled = now + ROUND, now + SETTLED
+        self._round, self._settled = now + ROUND_PERIOD_NS, now + COUNTING_TIME_NS
         a.port.unread()
         for name in self._rates:
-            if self._rounds == 1 or now - a.status.at.get(name, -SILENT) >= SILENT:
+            if self._rounds == 1 or now - a.status.at.get(name, -STREAM_GAP_NS) >= STREAM_GAP_NS:
                 self._request_stream(name, now)
         if "GPS_GLOBAL_ORIGIN" not in a.status.at:
             number = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
@@ -308,13 +308,13 @@ class KeepAlive:
         self._autopilot.requests.ask(SET_MESSAGE_INTERVAL, number, interval, now=now, attempts=3)
 
 
-BITS = 10
-HEAD = 12
+BITS_PER_BYTE = 10
+FRAME_OVERHEAD = 12
 """The bytes of a frame apart from its fields and its signature."""
-STREAMS, OURS = 0.5, 0.8
+STREAMS_SHARE, SENT_SHARE = 0.5, 0.8
 """The fraction of a line's capacity for the streams, and the largest fraction that our messages may
 take."""
-SLOWEST = 1.0
+MIN_HZ = 1.0
 """The rate, Hz, below which streams are not slowed."""
 
 
@@ -325,16 +325,16 @@ class LineCapacity:
     def __init__(self, params: MavlinkParams) -> None:
         place = None if params.address is None else read_address(params.address)
         is_serial = place is not None and place.kind == "serial"
-        self.line = place.number / BITS if place is not None and is_serial else None
+        self.line = place.number / BITS_PER_BYTE if place is not None and is_serial else None
         self._params = params
-        self._head = HEAD + (0 if params.key is None else SIGNATURE)
+        self._head = FRAME_OVERHEAD + (0 if params.key is None else SIGNATURE_BYTES)
 
     def fitting(self, rates: Mapping[str, float]) -> dict[str, float]:
         """Return these stream rates, Hz, slowed to what the line carries."""
         if self.line is None:
             return dict(rates)
-        factor = min(1.0, STREAMS * self.line / self._load(rates))
-        return {name: min(rate, max(factor * rate, SLOWEST)) for name, rate in rates.items()}
+        factor = min(1.0, STREAMS_SHARE * self.line / self._load(rates))
+        return {name: min(rate, max(factor * rate, MIN_HZ)) for name, rate in rates.items()}
 
     def check(self) -> list[Check]:
         """Return the preflight check of the serial line's data rate; none without a serial line."""
@@ -346,7 +346,7 @@ class LineCapacity:
             sent["ODOMETRY"], way_out = params.vision_rate, "a lower `rate` and `vision_rate`"
         load = self._load(sent)
         found = f"{load:.0f} bytes a second are sent to it, the line carries {self.line:.0f}"
-        if load <= OURS * self.line:
+        if load <= SENT_SHARE * self.line:
             return [Check("serial line", True, found)]
         way_out = f"set {way_out}, or a higher baud rate on both sides"
         return [Check("serial line", False, f"{found}: {way_out}", waits=False)]

@@ -19,11 +19,11 @@ from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 from kybflow.drivers.mavlink.transport.router import AUTOPILOT, HEARTBEAT, Port, Router
 from kybflow.drivers.mavlink.transport.wire import Wire
 
-FIRST: Time = 6 * NS
+FIRST_TIMEOUT_NS: Time = 6 * NS
 """The longest wait for the first message: some autopilots need two of our heartbeats."""
-OTHERS: Time = 3 * NS // 2
+FURTHER_TIMEOUT_NS: Time = 3 * NS // 2
 """How much longer to wait for further autopilots."""
-SILENT: Time = 5 * NS
+HEARTBEAT_TIMEOUT_NS: Time = 5 * NS
 """An autopilot that has sent no heartbeat for this long counts as gone."""
 
 
@@ -76,9 +76,9 @@ class Discovery:
     def find(self, ticks: Iterator[Time]) -> list[int]:
         """Wait for the requested system and return it as soon as it is heard; if any system will
         do, return all that are heard. Raises DriverError if none is."""
-        self.watch(ticks, FIRST, lambda: bool(self._fitting()))
+        self.watch(ticks, FIRST_TIMEOUT_NS, lambda: bool(self._fitting()))
         if self._system is None and self._fitting():
-            self.watch(ticks, OTHERS)
+            self.watch(ticks, FURTHER_TIMEOUT_NS)
         return self.found()
 
     def found(self) -> list[int]:
@@ -137,7 +137,7 @@ class Discovery:
                 self._ports[system].send(message)
             self.step(next(ticks))
             heartbeat = self.statuses[system].heartbeat
-            if heartbeat is None or self.now - heartbeat > SILENT:
+            if heartbeat is None or self.now - heartbeat > HEARTBEAT_TIMEOUT_NS:
                 raise DriverError(
                     f"system {system} at {self._wire.address} fell silent: is it still powered and"
                     " in reach?"

@@ -43,11 +43,11 @@ from kybflow.parts import ActiveFaults, Check, ForeignCommand, Link, Seat, Sessi
 
 SILENCE_TIMEOUT: Time = 10 * NS
 """How long the autopilot may be silent after the link was opened."""
-OFTEN: Time = NS // 50
+KEEP_ALIVE_PERIOD_NS: Time = NS // 50
 """The interval of the keep-alive, which need not run in every tick."""
-REREAD: Time = NS // 2
+REREAD_PERIOD_NS: Time = NS // 2
 """The interval at which the next of the preflight's parameters is read again in flight."""
-OLDEST: Time = NS // 2
+MAX_AGE_NS: Time = NS // 2
 """A position of the autopilot that is older counts as unknown."""
 MS: Time = NS // 1000
 
@@ -68,6 +68,7 @@ class AutopilotLink(Link):
             resumes, self._holding,
         )  # fmt: skip
         self._checks = PreflightChecks(autopilot, self.offboard.modes, params)
+        self._mode_trouble = "it was not requested yet"
         self._drift = FrameDrift()
         self._latency = (
             profile.latency if params.lead is None else Latency(params.lead, params.lead)
@@ -106,7 +107,7 @@ class AutopilotLink(Link):
         self.offboard.update(self.autopilot.age(now), self.autopilot.silence, now)
         self._stream_setpoint(now)
         if now >= self._due:
-            self._due = now + OFTEN
+            self._due = now + KEEP_ALIVE_PERIOD_NS
             self._learn_hover_throttle(now)
             self._watch_parameters(now)
             self._keep_alive.step(now)
@@ -162,10 +163,14 @@ class AutopilotLink(Link):
         for message in self._vision.of(estimate, stamp // 1000, is_lost, now):
             autopilot.port.send(message)
 
-    def checks(self, now: Time) -> Sequence[Check]:
-        misses = self.offboard.prepare(now)
+    def prepare_preflight(self, now: Time) -> None:
+        self._mode_trouble = self.offboard.prepare(now)
         self._stream_setpoint(now)
-        return [*self._checks.checks(misses, self._vision.newest, now), *self._capacity.check()]
+        self._checks.request_own_checks(now)
+
+    def checks(self, now: Time) -> Sequence[Check]:
+        checks = self._checks.checks(self._mode_trouble, self._vision.newest, now)
+        return [*checks, *self._capacity.check()]
 
     def status_texts(self) -> Sequence[StatusText]:
         return self.autopilot.new_texts(is_disarming=self.offboard.is_disarming)
@@ -258,7 +263,7 @@ class AutopilotLink(Link):
             if name in self._watched:
                 self.autopilot.others.changed(parameters.called(name), before, value, now)
         if now >= self._reread and self.autopilot.status.armed:
-            self._reread = now + REREAD
+            self._reread = now + REREAD_PERIOD_NS
             self._turn = (self._turn + 1) % len(self._watched)
             name = self._watched[self._turn]
             if name in parameters.values:
@@ -276,7 +281,7 @@ class AutopilotLink(Link):
         """Return the command that holds the vehicle at its current position, or None while that
         position is unknown."""
         own = self.autopilot.telemetry.odometry
-        if own is None or self._now - own.time > OLDEST:
+        if own is None or self._now - own.time > MAX_AGE_NS:
             return None
         heading = heading_of(own.attitude)
         here = own.position

@@ -10,7 +10,8 @@ this program or the link fails. `parameters` covers what else flight without GPS
 each wrong value on a line, and the command that corrects them all. Each wrong value appears only
 once.
 
-The link runs the checks once a tick before take-off; nothing here is used in flight."""
+The link makes the checks once a tick before take-off. In flight it still watches the parameters
+that `PreflightChecks.names` lists."""
 
 from __future__ import annotations
 
@@ -26,14 +27,14 @@ from kybflow.drivers.mavlink.params import MavlinkParams
 from kybflow.drivers.mavlink.protocol.framing import mavlink
 from kybflow.parts import Check
 
-ALIVE: Time = 3 * NS
-REPEATED: Time = 35 * NS
+HEARTBEAT_TIMEOUT_NS: Time = 3 * NS
+TEXT_VALIDITY_NS: Time = 35 * NS
 """How long a text about arming counts; autopilots repeat it every 30 s."""
-UNREADY: Time = 3 * NS
+UNREADY_TIME_NS: Time = 3 * NS
 """How long an autopilot may be unready before its own checks are requested."""
-AGAIN: Time = 10 * NS
+OWN_CHECKS_PERIOD_NS: Time = 10 * NS
 """The pause between two such requests."""
-APART = 0.5
+TOLERANCE = 0.5
 """The largest allowed distance between the autopilot's position and ours, metres."""
 
 
@@ -52,9 +53,12 @@ class PreflightChecks:
         """Return the names of the parameters to read."""
         return self._required.names()
 
-    def checks(self, misses: str, sent: tuple[Estimate, Time] | None, now: Time) -> list[Check]:
-        """Return the current checks. misses: why the mode that follows setpoints is not in force,
-        empty if it is. sent: the last estimate sent to the autopilot, and the time of sending."""
+    def checks(
+        self, mode_trouble: str, sent: tuple[Estimate, Time] | None, now: Time
+    ) -> list[Check]:
+        """Return the current checks. mode_trouble: why the mode that follows setpoints is not in
+        force, empty if it is. sent: the last estimate sent to the autopilot, and the time of
+        sending."""
         heartbeat = self._heartbeat(now)
         if not heartbeat.green:
             unknown = "not known: its parameters are read once its heartbeat is right"
@@ -62,16 +66,30 @@ class PreflightChecks:
         lines = [heartbeat, self._required.watchdog()]
         if self._is_outside:
             lines.append(self._required.set_up())
-        misses = misses and misses + self._autopilot.ignored_because
-        lines.append(Check("command mode", not misses, misses or self._modes.reported))
+        trouble = mode_trouble and mode_trouble + self._autopilot.ignored_because
+        lines.append(Check("command mode", not trouble, trouble or self._modes.reported))
         return [*lines, self._position(sent, now), self._readiness(now)]
+
+    def request_own_checks(self, now: Time) -> None:
+        """Request that an autopilot which stays unready runs its own checks, because their texts
+        say what is wrong. Called once a tick before take-off."""
+        status = self._status
+        if status.armed or not self._heartbeat(now).green:
+            return
+        if self._profile.ready(status) is None:
+            self._checks_at = None
+        elif self._checks_at is None:
+            self._checks_at = now + UNREADY_TIME_NS
+        elif now >= self._checks_at:
+            self._checks_at = now + OWN_CHECKS_PERIOD_NS
+            self._requests.ask(mavlink.MAV_CMD_RUN_PREARM_CHECKS, now=now)
 
     def _heartbeat(self, now: Time) -> Check:
         status, wanted = self._status, self._profile.name
         if status.heartbeat is None:
             return Check("heartbeat", False, "none was received")
         age = (now - status.heartbeat) / NS
-        if now - status.heartbeat > ALIVE:
+        if now - status.heartbeat > HEARTBEAT_TIMEOUT_NS:
             return Check("heartbeat", False, f"the last one {age:.1f} s ago")
         maker = firmware_by(status.autopilot) or f"autopilot {status.autopilot}"
         if maker != wanted:
@@ -91,8 +109,8 @@ class PreflightChecks:
             return Check("position", False, "it reports none yet")
         if self._is_outside and sent is not None:
             apart = distance(own.position, sent[0].position)
-            reason = f"{apart:.2f} m from the one that kybflow sends ({APART:.2f} m allowed)"
-            return Check("position", apart <= APART, reason)
+            reason = f"{apart:.2f} m from the one that kybflow sends ({TOLERANCE:.2f} m allowed)"
+            return Check("position", apart <= TOLERANCE, reason)
         return Check("position", True, f"spread {spread:.2f} m")
 
     def _readiness(self, now: Time) -> Check:
@@ -102,14 +120,8 @@ class PreflightChecks:
             return Check("autopilot", False, reason, waits=False)
         unready = self._profile.ready(status)
         if unready is None:
-            self._checks_at = None
             return Check("autopilot", True, "ready to arm")
-        if self._checks_at is None:
-            self._checks_at = now + UNREADY
-        elif now >= self._checks_at:
-            self._checks_at = now + AGAIN
-            self._requests.ask(mavlink.MAV_CMD_RUN_PREARM_CHECKS, now=now)
-        words = status.words(max(now - REPEATED, 0))
+        words = status.words(max(now - TEXT_VALIDITY_NS, 0))
         reason = f"{unready}: {words}" if words else unready
         return Check(
             "autopilot", False, f"{reason}; {status.unhealthy}" if status.unhealthy else reason

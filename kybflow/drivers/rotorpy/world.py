@@ -55,12 +55,12 @@ except ImportError as missing:
 
 HUMMINGBIRD: dict[str, Any] = quad_params
 """rotorpy's parameters of that airframe, SI units."""
-FASTEST = 1000.0
+MAX_ROTOR_SPEED = 1000.0
 """Speed at which a rotor produces its largest thrust, rad/s. The value is arbitrary, because
 rotorpy's coefficients are scaled to it."""
-CORNERS = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
+ROTOR_DIRECTIONS = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
 """Directions of the rotors along body x and y, in the order of `sim`."""
-TURNING = (1.0, -1.0, 1.0, -1.0)
+ROTOR_SENSES = (1.0, -1.0, 1.0, -1.0)
 """The sign of each rotor's drag torque about body z."""
 
 
@@ -87,7 +87,7 @@ class Plant:
     Hummingbird."""
 
     def __init__(self, context: VehicleContext, body: BuiltAirframe, aerodynamics: float) -> None:
-        self._thrust_per_square = sum(body.thrust) / 4.0 / FASTEST**2
+        self._thrust_per_square = sum(body.thrust) / 4.0 / MAX_ROTOR_SPEED**2
         told = self._parameters(context, body, aerodynamics)
         self._model = Multirotor(told, integrator_kwargs={"method": RungeKutta})
         w, x, y, z = from_heading(context.heading)
@@ -103,7 +103,7 @@ class Plant:
         """Return rotorpy's parameters of the vehicle. The coefficients of the rotors and the air
         are such that forces over mass at an airspeed are those of the Hummingbird in hover."""
         k, theirs = self._thrust_per_square, HUMMINGBIRD
-        half, corners = context.airframe.arm / sqrt(2.0), enumerate(CORNERS)
+        half, corners = context.airframe.arm / sqrt(2.0), enumerate(ROTOR_DIRECTIONS)
         heavier = aerodynamics * body.mass / theirs["mass"]
         hovers = sqrt(body.mass * GRAVITY / k)
         slower = sqrt(theirs["mass"] * GRAVITY / theirs["k_eta"]) / hovers
@@ -113,12 +113,12 @@ class Plant:
             **dict.fromkeys(("Ixy", "Ixz", "Iyz"), 0.0),
             "num_rotors": 4,
             "rotor_pos": {f"r{n}": numpy.array((half * x, half * y, 0.0)) for n, (x, y) in corners},
-            "rotor_directions": numpy.array(TURNING),
+            "rotor_directions": numpy.array(ROTOR_SENSES),
             "k_eta": k,
             "k_m": context.airframe.torque_ratio * k,
             "tau_m": body.rotor_time,
             "rotor_speed_min": 0.0,
-            "rotor_speed_max": 1.5 * FASTEST,
+            "rotor_speed_max": 1.5 * MAX_ROTOR_SPEED,
             **{name: theirs[name] * heavier * slower for name in ("k_d", "k_z")},
             **{name: theirs[name] * heavier for name in ("k_h", "c_Dx", "c_Dy", "c_Dz")},
         }

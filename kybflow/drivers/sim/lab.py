@@ -20,7 +20,7 @@ GUST_TIME = 1.0
 """Time constant of gusts, seconds."""
 EDDY_TIME = 0.5
 """Time constant of eddies, seconds."""
-AIR = 1.2
+AIR_DENSITY = 1.2
 """Density of air, kg/m^3."""
 FOUNTAIN = 4.0
 """Coefficient of the lift on the body by the air that rises between the rotors: twice the value K
@@ -105,7 +105,7 @@ class Downwash:
     """
 
     def __init__(self, airframe: Airframe, share: float) -> None:
-        self._twice = 2.0 * AIR * 4.0 * pi * airframe.rotor_radius**2
+        self._twice = 2.0 * AIR_DENSITY * 4.0 * pi * airframe.rotor_radius**2
         self._diameter, self._share = airframe.diameter, share
 
     def jet(self, at: Vec3, thrust: float) -> Jet:
@@ -144,7 +144,7 @@ _NOUGHT = dict.fromkeys(
 
 ROTOR_SPREAD = 0.2
 """Largest difference of a rotor's thrust from the mean, as a fraction of `model_error`."""
-ACROSS = 0.6
+LATERAL_VIBRATION = 0.6
 """The accelerometer's vibration along body x and y, relative to that along z."""
 
 
@@ -195,7 +195,7 @@ def lab(p: Any, airframe: Airframe, body: BuiltAirframe, generator: Any) -> Lab:
     spread = [body.mass * p.force_noise] * 3 + [j * p.torque_noise for j in body.inertia]
     noise = draw(eddies, [0.0] * 6, [1.0] * 6)
     gyro, along = p.gyro_vibration, p.accelerometer_vibration
-    shaking = [gyro, gyro, gyro, ACROSS * along, ACROSS * along, along]
+    shaking = [gyro, gyro, gyro, LATERAL_VIBRATION * along, LATERAL_VIBRATION * along, along]
     latency, jitter = p.command_latency, p.command_jitter
     return Lab(
         1.0 + p.drag_error * drag,

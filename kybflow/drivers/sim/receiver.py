@@ -12,7 +12,7 @@ from kybflow.drivers.sim.steps.onboard import AttitudeController
 from kybflow.flight.descent import Descent
 from kybflow.world.vehicle_context import Airframe
 
-WATCHDOG: Time = NS // 4
+WATCHDOG_NS: Time = NS // 4
 """Time without a command after which an armed vehicle descends by itself."""
 UPDATE_PERIOD: Time = NS // 5
 """Period in which the estimates of climb rate, bias and hover thrust are updated."""
@@ -23,7 +23,7 @@ AVERAGING_TIME = 5.0
 """Time constant for averaging the specific force and the commanded thrust in flight, s. Since the
 commanded speed is bounded, the average force is gravity plus the current accelerometer bias, and
 the average thrust is the hover thrust at the current mass and battery."""
-MOTION = 2.0
+MAX_BIAS = 2.0
 """Largest plausible accelerometer bias, m/s^2. A larger mean force since the last command counts as
 motion."""
 PRIOR_TIME = 1.0
@@ -108,12 +108,12 @@ class Receiver:
             self._climb = self._bias = 0.0
             self._hover, self._flown = self._airframe.hover_thrust, 0.0
         elif not self._ignores:
-            is_silent = now - self._received_at >= WATCHDOG
+            is_silent = now - self._received_at >= WATCHDOG_NS
             if is_silent or now - self._updated_at >= UPDATE_PERIOD:
                 self._check(now, is_silent)
             if not is_silent:
-                return min(due, self._received_at + WATCHDOG)
-        return min(due, now + WATCHDOG)
+                return min(due, self._received_at + WATCHDOG_NS)
+        return min(due, now + WATCHDOG_NS)
 
     def _check(self, now: Time, is_silent: bool) -> None:
         """Update the estimates of climb rate, bias and hover thrust, and start the descent if
@@ -131,7 +131,7 @@ class Receiver:
                 self._hover += share * (impulse / seconds - self._hover)
         self._climb = self._climb * exp(-seconds / CLIMB_MEMORY) + gained - self._bias * seconds
         if is_silent:
-            if abs(gained) < MOTION * seconds:
+            if abs(gained) < MAX_BIAS * seconds:
                 bias = self._bias
             most, rest = self._airframe.max_thrust, self._controller.rest + bias
             hover_error = HOVER_ERROR * exp(-2.0 * self._flown / AVERAGING_TIME)

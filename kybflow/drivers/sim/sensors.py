@@ -22,11 +22,11 @@ from kybflow.world.vehicle_context import Airframe, BatteryCharge
 
 Array = numpy.ndarray[Any, numpy.dtype[numpy.float64]]
 
-BLOCK = 500
+BLOCK_SAMPLES = 500
 NOTHING: Numbers = (0.0,) * 6
-AHEAD = 16
+VIBRATION_STEPS = 16
 """Number of steps for which vibration is computed at once."""
-WANDERS, LASTS = 0.5, 30.0
+SLOW_VARIANCE, SLOW_TIME_S = 0.5, 30.0
 """Fraction of a position's variance that changes slowly, and the time constant of that part, s."""
 
 
@@ -42,9 +42,10 @@ def draw(
 def draw_blocks(
     generator: numpy.random.Generator, offsets: list[float], deviations: list[float]
 ) -> Iterator[Array]:
-    """Yield blocks of `BLOCK` rows of normally distributed numbers, as `draw` does row by row."""
+    """Yield blocks of `BLOCK_SAMPLES` rows of normally distributed numbers, as `draw` does row by
+    row."""
     while True:
-        block = generator.standard_normal((BLOCK, len(offsets)))
+        block = generator.standard_normal((BLOCK_SAMPLES, len(offsets)))
         block *= deviations
         block += offsets
         yield block
@@ -97,7 +98,7 @@ class ImuErrors:
     vehicles and values."""
 
     def __init__(self, sources: Sequence[ImuSource], form: Callable[[Array], Any]) -> None:
-        still = repeat(numpy.zeros((BLOCK, 6)))
+        still = repeat(numpy.zeros((BLOCK_SAMPLES, 6)))
         self._errors = [source.errors for source in sources]
         self._vibrations = [source.vibration or still for source in sources]
         self._form = form
@@ -126,7 +127,7 @@ class ImuErrors:
             self.block, self._ready = self._form(self._drawn + self._biases), 0
         self._next = last = first + steps
         if self._shakes and last > self._ready:
-            self._ready = first + max(steps, AHEAD)
+            self._ready = first + max(steps, VIBRATION_STEPS)
             coming = slice(first, self._ready)
             still = self._drawn[coming] + self._biases
             self.block[coming] = self._form(still + self._levels * self._shaking[coming])
@@ -229,10 +230,9 @@ class PoseSampler:
 class Positions:
     """GPS positions of one vehicle at a given rate, which arrive after `latency`.
 
-    The error along each axis is white noise plus a first-order Gauss-Markov process,
-    w' = a w + sqrt(1 - a^2) n with a = exp(-1 / (rate LASTS)). deviations: standard deviations of
-    their sum, east, north and up.
-    """
+    The error along each axis is white noise plus a first-order Gauss-Markov process, w' = a w +
+    sqrt(1 - a^2) n with a = exp(-1 / (rate SLOW_TIME_S)). deviations: standard deviations of their
+    sum, east, north and up."""
 
     def __init__(
         self, rate: float, latency: float, deviations: Vec3, generator: numpy.random.Generator
@@ -242,7 +242,7 @@ class Positions:
         self._latency: Time = round(latency * NS)
         self._spread = deviations
         self._noise = draw(generator, [0.0] * 6, [1.0] * 6)
-        self._stays = exp(-1.0 / (rate * LASTS))
+        self._stays = exp(-1.0 / (rate * SLOW_TIME_S))
         self._wander = next(self._noise)[3:]
         self._arriving: deque[tuple[Time, Position]] = deque()
 
@@ -274,7 +274,7 @@ class Positions:
         wander = zip(self._wander, row[3:], strict=True)
         self._wander = [a * w + sqrt(1.0 - a * a) * n for w, n in wander]
         return [
-            s * (sqrt(1.0 - WANDERS) * n + sqrt(WANDERS) * w)
+            s * (sqrt(1.0 - SLOW_VARIANCE) * n + sqrt(SLOW_VARIANCE) * w)
             for s, n, w in zip(self._spread, row[:3], self._wander, strict=True)
         ]
 

@@ -36,7 +36,7 @@ _POSITION, _POSITION_SIZE = struct.Struct("7d").unpack_from, 7 * 8
 _VELOCITY, _VELOCITY_SIZE = struct.Struct("6d").unpack_from, 6 * 8
 DISTURBANCE_RATE = 50.0
 """Rate at which wind and other disturbances change, Hz; eddies last half a second."""
-UPRIGHT = 0.8
+CARRYING_NORMAL = 0.8
 """Upward part of a contact's unit normal above which the contact carries the vehicle."""
 VIEWER_PERIOD: Time = NS // 60
 LOOK_AT = (0.0, 0.0, 0.8)
@@ -272,7 +272,7 @@ class Contacts:
         """Add the touch of a vehicle and a geom to `found` if it is new. up: upward part of the
         contact's force on the vehicle. Standing on another vehicle doesn't count as being
         carried."""
-        touch = Touch(self._names[geom], up > UPRIGHT and geom not in self._vehicles)
+        touch = Touch(self._names[geom], up > CARRYING_NORMAL and geom not in self._vehicles)
         last = self._touched.get((vehicle, *touch))
         self._touched[vehicle, *touch] = now
         if last is None or now - last > TOUCH_GAP:

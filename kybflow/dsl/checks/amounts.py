@@ -21,9 +21,9 @@ from kybflow.parts import AIR, GROUND
 
 _ROUNDING = 1e-6
 _TURN = 2.0 * pi
-_CRAWL = 0.02
+_MIN_SPEED = 0.02
 """The least speed that makes sense for a flight, m/s: nearly a minute per metre."""
-_CLIMBS = 0.1
+_MIN_CLIMB = 0.1
 """The least climb of a take-off, m. After a smaller one the vehicle may still be on the ground."""
 
 
@@ -144,7 +144,7 @@ def crawls(case: Case) -> Iterator[Diagnostic]:
             if name not in LIMITS or field.dimension is not SPEED or not part.is_written(name):
                 continue
             value = getattr(part.params, name)
-            if not value or abs(value) >= _CRAWL:
+            if not value or abs(value) >= _MIN_SPEED:
                 continue
             faster = quantity(field.default or 0.5, SPEED)
             yield Diagnostic(
@@ -165,7 +165,7 @@ def hardly_climbs(case: Case) -> Iterator[Diagnostic]:
         if (GROUND, AIR) not in legs or entry is None or footprint.exit is None:
             continue
         climb = footprint.exit[2] - entry[2]
-        if climb < _CLIMBS - _ROUNDING:
+        if climb < _MIN_CLIMB - _ROUNDING:
             part = state.behavior
             lengths = [f.name for f in part.fields if f.dimension is LENGTH and f.required]
             written = (part.span_of(name) for name in lengths if part.is_written(name))

@@ -35,7 +35,7 @@ from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.parts.observables import is_in
 
-_BEYOND = 3.0
+_BOUND_FACTOR = 3.0
 """A wait of up to this many times a behavior's longest duration may be meant as an upper bound."""
 _AT_ONCE = 0.1
 """Time in which no vehicle moves noticeably, s."""
@@ -106,7 +106,7 @@ def after_its_end(case: Case) -> Iterator[Diagnostic]:
     for vehicle, state, transition in () if case.cached(disturbances) else case.cached(_timed):
         longest = inf if transition.since else longest_time(vehicle, state)
         wait = transition.after or 0.0
-        if transition.cause == "next" and _BEYOND * longest < wait < case.plan.time_limit:
+        if transition.cause == "next" and _BOUND_FACTOR * longest < wait < case.plan.time_limit:
             yield Diagnostic(
                 "KYB455",
                 f"`{state.name}` ends before this transition can be taken",

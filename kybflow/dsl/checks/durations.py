@@ -32,10 +32,10 @@ from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.parts.observables import is_in
 
-_SPARE = 0.95
+_TIME_SHARE = 0.95
 """A least time exceeds a limit only if this share of it does, because positions are known only to a
 few centimetres."""
-_BEGINS = 3.0
+_STOPPING_TIME_S = 3.0
 """Time in which a vehicle that enters a state in motion comes to rest before the behavior begins,
 s."""
 _MOST_SHOWN = 5
@@ -101,7 +101,7 @@ def disturbances(case: Case) -> Iterator[str]:
 
 def exceeds(least: float, limit: float) -> bool:
     """Return whether a least time certainly exceeds a limit."""
-    return least * _SPARE > limit
+    return least * _TIME_SHARE > limit
 
 
 def seconds_of(value: float) -> str:
@@ -139,7 +139,7 @@ def longest_time(vehicle: VehiclePlan, state: StatePlan) -> float:
     ends = [
         inf if found is None or found.longest is None else found.longest for found in footprints
     ]
-    return max(ends, default=inf) + _BEGINS
+    return max(ends, default=inf) + _STOPPING_TIME_S
 
 
 def ways_from(

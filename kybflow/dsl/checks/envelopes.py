@@ -14,21 +14,21 @@ from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts.observables import Envelope
 from kybflow.world.shapes import Box
 
-_PLACED = (0.05, 0.05, 0.05)
-_STANDS, _LEVEL = 0.05, 0.2
-"""In the first tick: the largest distance from the start per axis (`_PLACED`), m; the largest
+_OFFSET = (0.05, 0.05, 0.05)
+_SPEED, _TILT = 0.05, 0.2
+"""In the first tick: the largest distance from the start per axis (`_OFFSET`), m; the largest
 speed, m/s; the largest tilt, rad."""
 _SHARE, _ROOM = 0.2, 0.3
 """How far outside the fence a normal flight may get: this share of its size, but at least this many
 metres."""
-_FAR = 2.0
+_MIN_DISTANCE = 2.0
 """How far outside the fence any flight may get: its longest side, but at least this, m."""
-_FASTER = 3.0
+_GUST_FACTOR = 3.0
 """The factor of the airframe's speed that gusts and failures can cause; in any flight, the speed of
 a fall is added."""
-_OLD = 10.0
+_MAX_AGE_S = 10.0
 """The age of an estimate on which no vehicle still flies, s."""
-_SPREAD, _LEAST_SPREAD = 1e-4, 1e-5
+_MIN_SPREAD, _LEAST_SPREAD = 1e-4, 1e-5
 """The spread of the best motion capture, and a spread below that of any system, m."""
 
 
@@ -54,7 +54,7 @@ def _reaches(case: Case) -> list[Callable[[str | None], Reaches]]:
         {name: _usual(vehicle, fence) for name, vehicle in vehicles},
         {name: _certain(vehicle, fence) for name, vehicle in vehicles},
         {
-            name: Envelope(v.start, *Box(v.start, v.start).grown(_PLACED), _STANDS, _LEVEL)
+            name: Envelope(v.start, *Box(v.start, v.start).grown(_OFFSET), _SPEED, _TILT)
             for name, v in vehicles
         },
     )
@@ -79,17 +79,17 @@ def _usual(vehicle: VehiclePlan, fence: Box | None) -> Envelope:
     box = _around(vehicle, fence, lambda size: tuple(max(_ROOM, _SHARE * s) for s in size))
     speed, across = _fast(vehicle), hypot(*(EVERYWHERE if fence is None else fence).size)
     tilt = 0.5 * pi + vehicle.airframe.tilt
-    return Envelope(vehicle.start, *box, speed, tilt, across, 2.0 * speed, _OLD, _SPREAD)
+    return Envelope(vehicle.start, *box, speed, tilt, across, 2.0 * speed, _MAX_AGE_S, _MIN_SPREAD)
 
 
 def _certain(vehicle: VehiclePlan, fence: Box | None) -> Envelope:
-    box = _around(vehicle, fence, lambda size: (max(_FAR, *size),) * 3)
+    box = _around(vehicle, fence, lambda size: (max(_MIN_DISTANCE, *size),) * 3)
     across, speed = hypot(*box.size), _fast(vehicle) + sqrt(2.0 * GRAVITY * box.size[2])
     return Envelope(vehicle.start, *box, speed, pi, across, 2.0 * speed, spread=_LEAST_SPREAD)
 
 
 def _fast(vehicle: VehiclePlan) -> float:
-    return _FASTER * hypot(vehicle.airframe.speed, vehicle.airframe.climb)
+    return _GUST_FACTOR * hypot(vehicle.airframe.speed, vehicle.airframe.climb)
 
 
 def _around(

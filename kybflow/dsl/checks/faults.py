@@ -19,7 +19,7 @@ from kybflow.dsl.plan import FaultPlan, PartPlan
 from kybflow.dsl.reading.nodes import entries_of
 from kybflow.parts.fault import ActiveFaults
 
-_LATE: Time = 1000 * NS
+_FULL_STRENGTH_NS: Time = 1000 * NS
 """A time by which every effect has reached full strength."""
 
 
@@ -165,7 +165,7 @@ def too_strong(case: Case) -> Iterator[Diagnostic]:
         if vehicle is None:
             continue
         frame, active = vehicle.airframe, _active_under(fault)
-        (wx, wy, _), (px, py, up) = active.wind(_LATE), active.push
+        (wx, wy, _), (px, py, up) = active.wind(_FULL_STRENGTH_NS), active.push
         heavy = (active.mass * frame.mass * (1.0 - up / GRAVITY) + active.payload) * GRAVITY
         across = hypot(frame.drag * wx + px, frame.drag * wy + py)
         able = GRAVITY * tan(frame.tilt)

@@ -21,7 +21,7 @@ from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.parts import AIR, Claim
 from kybflow.parts.observables import is_in
 
-_UP = 0.2
+_MAX_HEIGHT = 0.2
 """Height above its start at which the estimate of a standing vehicle is certain not to be, m."""
 
 
@@ -200,7 +200,11 @@ def _is_barred(when: tree.Condition, settled: dict[str, _Settled], waiting: set[
             return _never_in(settled, waiting, vehicle, state)
         case tree.Compare(">" | ">=", tree.Read(vehicle, "state.altitude"), tree.Quantity(height)):
             other = None if vehicle is None else _resting(settled, waiting, vehicle)
-            return other is not None and other.is_grounded and height > other.vehicle.start[2] + _UP
+            return (
+                other is not None
+                and other.is_grounded
+                and height > other.vehicle.start[2] + _MAX_HEIGHT
+            )
     return False
 
 

@@ -20,7 +20,7 @@ from kybflow.dsl.expanding.flows import GROUNDED, own_vehicles
 from kybflow.dsl.names import end_of
 from kybflow.dsl.plan import FlowPlan, PhasePlan, TransitionPlan, VehiclePlan
 
-_MOST = 16
+_MOST_POINTS = 16
 _KEEP = frozenset({"hover", "landed"})
 """Built-in states in which a vehicle stays in place until the next phase begins."""
 _Points = frozenset[Vec3]
@@ -78,7 +78,7 @@ def _places(case: Case, flow: FlowPlan) -> dict[str, _Places]:
             united = {
                 v: had.get(v, frozenset()) | left.get(v, frozenset()) for v in had.keys() | left
             }
-            merged = {v: points for v, points in united.items() if len(points) <= _MOST}
+            merged = {v: points for v, points in united.items() if len(points) <= _MOST_POINTS}
             if target in flow.phases and merged != before:
                 entered[target] = merged
                 waiting.append(target)
@@ -119,7 +119,7 @@ def _walked(vehicle: VehiclePlan, goal: str, point: Vec3) -> dict[str, set[Vec3]
         name, entry = waiting.pop()
         for target, left in _left(vehicle, name, entry):
             points = found.setdefault(target, set())
-            if left is not None and left not in points and len(points) < _MOST:
+            if left is not None and left not in points and len(points) < _MOST_POINTS:
                 points.add(left)
                 waiting.append((target, left))
     return found

@@ -144,7 +144,7 @@ def not_as_told(case: Case) -> Iterator[Diagnostic]:
             yield Diagnostic("KYB407", objection.reason, span, help=objection.hint)
 
 
-_SILENT = 5.0
+_MAX_SILENCE_S = 5.0
 """The longest time for which a vehicle may be steered by the last values of an input, s."""
 
 
@@ -153,7 +153,7 @@ def silent_for_long(case: Case) -> Iterator[Diagnostic]:
     warning)."""
     steering = {name.text for _, name in case.cached(_steered)}
     for use in case.plan.inputs:
-        if use.name in steering and use.silent_after > _SILENT:
+        if use.name in steering and use.silent_after > _MAX_SILENCE_S:
             silent = quantity(use.silent_after, DURATION)
             yield Diagnostic(
                 "KYB447",

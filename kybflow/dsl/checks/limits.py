@@ -21,7 +21,7 @@ from kybflow.world.plausible import Implausible, of_airframe, of_parcel
 from kybflow.world.vehicle_context import Airframe, Parcel
 
 _ROUNDING = 1e-6
-_SPARE = 1.15
+_MIN_MAX_RATIO = 1.15
 
 LIMITS = frozenset({"tilt", "speed", "climb"})
 """The limits of an airframe that bound the parameters of the same name in its parts."""
@@ -139,14 +139,14 @@ def _airframes(case: Case) -> Iterator[_Frame]:
 def _lifts(airframe: Airframe, payload: float = 0.0) -> bool:
     """Return whether the rotors can lift the airframe with a payload of this mass (kg) and have
     enough thrust left to steer."""
-    return airframe.max_thrust >= _SPARE * (airframe.mass + payload) * GRAVITY
+    return airframe.max_thrust >= _MIN_MAX_RATIO * (airframe.mass + payload) * GRAVITY
 
 
 def _for_steering(airframe: Airframe) -> str:
     """Return a note on the largest weight that the rotors can carry."""
     most, carried = (
         format_quantity(float(f"{n:.3g}"), FORCE)
-        for n in (airframe.max_thrust, airframe.max_thrust / _SPARE)
+        for n in (airframe.max_thrust, airframe.max_thrust / _MIN_MAX_RATIO)
     )
     return f"its rotors lift {most}; with the 15 % needed for steering, they carry {carried}"
 
@@ -247,7 +247,7 @@ def no_rigid_body(case: Case) -> Iterator[Diagnostic]:
         )
 
 
-_GRAMS = 10.0
+_PROBABLE_GRAMS = 10.0
 """From this mass on, kg, a number is probably meant in grams."""
 
 
@@ -298,8 +298,8 @@ def too_heavy_to_lift(case: Case) -> Iterator[Diagnostic]:
 def _lighter(vehicle: VehiclePlan, payload: Parcel) -> str:
     """Return the help line: the number in grams if this was probably meant, or else the largest
     payload."""
-    most = vehicle.airframe.max_thrust / (_SPARE * GRAVITY) - vehicle.airframe.mass
-    if _GRAMS <= payload.mass <= 1000.0 * most:
+    most = vehicle.airframe.max_thrust / (_MIN_MAX_RATIO * GRAVITY) - vehicle.airframe.mass
+    if _PROBABLE_GRAMS <= payload.mass <= 1000.0 * most:
         return f"did you mean `mass: {payload.mass:g} g`?"
     if most <= 0.0:
         return "use another airframe: this one has no thrust to spare"

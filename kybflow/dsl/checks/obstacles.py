@@ -19,13 +19,13 @@ from kybflow.parts import AIR, GROUND, Footprint
 from kybflow.world.shapes import Box, Cylinder, Plane, Scanned, Shape
 
 _ROUNDING = 1e-6
-_STANDS = 0.05
+_START_HEIGHT = 0.05
 """Accepted height of a start above the ground, m, because the frame's origin is above its legs."""
-_LANDS = 0.15
+_LANDING_HEIGHT = 0.15
 """Accepted height of the end of a landing, m, because there may be a pad that is no obstacle."""
-_TOUCHES = 0.02
+_TOUCH_DEPTH = 0.02
 """Depth inside an obstacle up to which a vehicle may intend to touch it, m."""
-_CLAMPED = 0.02
+_CLAMP_DISTANCE = 0.02
 """How far from its goal a processor may stop a vehicle without putting the goal out of reach, m."""
 _STEPS = 60
 _RATIO = 0.6180339887498949  # of the golden section
@@ -57,7 +57,7 @@ def starts_in_the_air(case: Case) -> Iterator[Diagnostic]:
             continue
         below, what = _support(case, vehicle.start)
         above = vehicle.start[2] - below
-        if abs(above) > _STANDS + _ROUNDING:
+        if abs(above) > _START_HEIGHT + _ROUNDING:
             side = "above" if above > 0 else "below"
             yield Diagnostic(
                 "KYB345",
@@ -87,7 +87,7 @@ def lands_in_the_air(case: Case) -> Iterator[Diagnostic]:
             continue
         below, what = _support(case, footprint.exit)
         above = footprint.exit[2] - below
-        if above > _LANDS:
+        if above > _LANDING_HEIGHT:
             yield Diagnostic(
                 "KYB453",
                 f"`{state.name}` of `{vehicle.name}` lands in the air",
@@ -119,7 +119,7 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
             if room >= arm or (is_vertical(state) and _carries(shape, path[0], vehicle)):
                 continue
             way_out = f"fly around `{obstacle}`, or further away from it"
-            if room > -_TOUCHES:
+            if room > -_TOUCH_DEPTH:
                 way_out += ", or write `contact: allowed` for the obstacle"
             yield Diagnostic(
                 "KYB341",
@@ -181,7 +181,7 @@ def _out_of_reach(
     for goal, near in footprint.goals:
         for name, shape in obstacles.items():
             room = shape.distance(goal)
-            if keep - room > max(near, _CLAMPED):
+            if keep - room > max(near, _CLAMP_DISTANCE):
                 return _OutOfReach(goal, room, name)
     return None
 

@@ -140,8 +140,8 @@ PHRASES = {GROUND: "on the ground", AIR: "in the air", MOVING: "moving"}
 """The flight conditions in words for reports."""
 
 
-_MOST = 16
-_SAME = 1e-6
+_MOST_POINTS = 16
+_SAME_PLACE = 1e-6
 
 
 @dataclass(slots=True)
@@ -155,10 +155,10 @@ class Entries:
     def add(self, point: Vec3 | None) -> bool:
         """Add an entry position and return whether this changes anything. None, or one too many,
         means that the state can be entered anywhere."""
-        if point is None or len(self.points) >= _MOST:
+        if point is None or len(self.points) >= _MOST_POINTS:
             changed, self.known = self.known, False
             return changed
-        if any(distance(point, p) < _SAME for p in self.points):
+        if any(distance(point, p) < _SAME_PLACE for p in self.points):
             return False
         self.points.append(point)
         return True
@@ -247,4 +247,4 @@ def stays(state: StatePlan, entry: Vec3 | None) -> bool:
     footprint = state.footprint(entry)
     if footprint is None or not footprint.points:
         return False
-    return all(distance(p, footprint.points[0]) < _SAME for p in footprint.points)
+    return all(distance(p, footprint.points[0]) < _SAME_PLACE for p in footprint.points)

@@ -17,13 +17,13 @@ from kybflow.dsl.plan import VehiclePlan
 from kybflow.world.cameras import LEAST_SIDE, Camera
 from kybflow.world.tags import Tag
 
-_LOW = 0.3
+_LOW_HEIGHT = 0.3
 """Height above its start, m, below which a vehicle need not see a tag, because it is taking off or
 landing."""
-_DOWNWARD = -0.95
+_DOWNWARD_AXIS = -0.95
 """The largest z component of a camera's axis at which the camera counts as looking straight down.
 """
-_LEVEL = -0.5
+_LEVEL_AXIS = -0.5
 """The z component of the axis of a camera that looks 30 degrees below the horizontal."""
 
 
@@ -39,13 +39,13 @@ def sees_no_tag(case: Case) -> Iterator[Diagnostic]:
     blind = {
         v.name
         for v in case.plan.vehicles
-        if tags and max(_axes(v), default=0.0) < _DOWNWARD and _knows_tags_alone(v)
+        if tags and max(_axes(v), default=0.0) < _DOWNWARD_AXIS and _knows_tags_alone(v)
     }
     judged: set[tuple[str, Vec3]] = set()
     for vehicle, state, _, footprint in case.cached(footprints) if blind else ():
         name = vehicle.name
         for place in footprint.points if name in blind else ():
-            if place[2] < vehicle.start[2] + _LOW or (name, place) in judged:
+            if place[2] < vehicle.start[2] + _LOW_HEIGHT or (name, place) in judged:
                 continue
             judged.add((name, place))
             reasons = [_hidden(camera, place, tags) for camera in vehicle.own_cameras.values()]
@@ -70,8 +70,8 @@ def looks_past_the_tags(case: Case) -> Iterator[Diagnostic]:
         if not vehicle.body.cameras or not _knows_tags_alone(vehicle):
             continue
         tags = chain.from_iterable(use.tags for use in case.plan.world.tags)
-        are_flat = all(_axis(tag.attitude) > -_DOWNWARD for tag in tags)
-        if min(_axes(vehicle)) > _LEVEL and are_flat:
+        are_flat = all(_axis(tag.attitude) > -_DOWNWARD_AXIS for tag in tags)
+        if min(_axes(vehicle)) > _LEVEL_AXIS and are_flat:
             camera = vehicle.body.cameras[0]
             yield Diagnostic(
                 "KYB445",

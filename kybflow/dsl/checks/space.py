@@ -265,7 +265,7 @@ def without_a_fence(case: Case) -> Iterator[Diagnostic]:
         )
 
 
-_SAME = 1e-6
+_SAME_PLACE = 1e-6
 
 
 def aim_of(state: StatePlan, footprint: Footprint) -> Span:
@@ -281,6 +281,6 @@ def aim_of(state: StatePlan, footprint: Footprint) -> Span:
             continue
         points = (value,) if field.shape == "vector" else value
         # the centre of a circle is no target: the path does not lead through, above or below it
-        if any(hypot(p[0] - w[0], p[1] - w[1]) < _SAME for p in points for w in way):
+        if any(hypot(p[0] - w[0], p[1] - w[1]) < _SAME_PLACE for p in points for w in way):
             return part.span_of(field.name)
     return part.span

@@ -15,11 +15,11 @@ from kybflow.dsl.world import Tags
 from kybflow.world.shapes import Box
 from kybflow.world.tags import Key, Tag
 
-_PLANE = 0.005
+_PLANE_DISTANCE = 0.005
 """Tags at most this far apart perpendicular to their faces, m, are in the same plane."""
-_PARALLEL = 0.999
+_PARALLEL_COSINE = 0.999
 _ROUNDING = 1e-6
-_SHOWN = 8
+_MOST_SHOWN = 8
 
 
 class _Floor(NamedTuple):
@@ -97,7 +97,7 @@ def _overlap(pairs: list[tuple[Tag, Tag]], under: Tags, over: Tags) -> Diagnosti
     covered = sorted({tag.id for tag, _ in pairs})
     more = f"; {len(pairs) - 1} more pairs" if len(pairs) > 1 else ""
     hint = "move one of the two"
-    if under.grid is not None and under is not over and len(covered) <= _SHOWN:
+    if under.grid is not None and under is not over and len(covered) <= _MOST_SHOWN:
         hint = f"move it, or leave out the covered tags of `{under.name}`: `leave_out: {covered}`"
     return Diagnostic(
         "KYB384",
@@ -143,7 +143,7 @@ def overlap(a: Tag, b: Tag) -> bool:
         return False
     turn = multiply(conjugate(a.attitude), b.attitude)
     across, facing = rotate(conjugate(a.attitude), apart), rotate(turn, (0.0, 0.0, 1.0))
-    if facing[2] < _PARALLEL or abs(across[2]) > _PLANE:
+    if facing[2] < _PARALLEL_COSINE or abs(across[2]) > _PLANE_DISTANCE:
         return False
     x, y = rotate(turn, (1.0, 0.0, 0.0)), rotate(turn, (0.0, 1.0, 0.0))
     axes: tuple[Vec3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), x, y)
@@ -159,7 +159,7 @@ def _half(size: float, axis: Vec3) -> float:
     return 0.5 * size * (abs(axis[0]) + abs(axis[1]))
 
 
-_LARGE = 2.0
+_MAX_PRINT = 2.0
 """The side of a black square, m, above which it is hardly ever printed."""
 
 
@@ -168,7 +168,7 @@ def in_another_unit(case: Case) -> Iterator[Diagnostic]:
     their numbers are centimetres without a unit (a warning)."""
     fence = case.plan.fence
     for use in case.plan.world.tags:
-        index = next((i for i, tag in enumerate(use.tags) if tag.size > _LARGE), None)
+        index = next((i for i, tag in enumerate(use.tags) if tag.size > _MAX_PRINT), None)
         if index is not None:
             size = format_quantity(use.tags[index].size, LENGTH)
             yield _strange(use, index, f"has a side of {size}", "size")

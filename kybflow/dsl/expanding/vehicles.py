@@ -40,14 +40,14 @@ CODES = {
     "KYB143": "A transition without a condition, or a `for` without a `when`.",
 }
 _LENS = ("width", "height", "field_of_view")
-_DOWNWARD = (0.0, 0.0, -1.0)
+_DOWNWARD_AXIS = (0.0, 0.0, -1.0)
 FACING: dict[str, Quat] = {
     "down": DOWN,
     "up": from_axes((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
-    "forward": from_axes((0.0, -1.0, 0.0), _DOWNWARD, (1.0, 0.0, 0.0)),
-    "backward": from_axes((0.0, 1.0, 0.0), _DOWNWARD, (-1.0, 0.0, 0.0)),
-    "left": from_axes((1.0, 0.0, 0.0), _DOWNWARD, (0.0, 1.0, 0.0)),
-    "right": from_axes((-1.0, 0.0, 0.0), _DOWNWARD, (0.0, -1.0, 0.0)),
+    "forward": from_axes((0.0, -1.0, 0.0), _DOWNWARD_AXIS, (1.0, 0.0, 0.0)),
+    "backward": from_axes((0.0, 1.0, 0.0), _DOWNWARD_AXIS, (-1.0, 0.0, 0.0)),
+    "left": from_axes((1.0, 0.0, 0.0), _DOWNWARD_AXIS, (0.0, 1.0, 0.0)),
+    "right": from_axes((-1.0, 0.0, 0.0), _DOWNWARD_AXIS, (0.0, -1.0, 0.0)),
 }
 """The rotations from the optical frame to the body frame. The image's upper edge points forward for
 `down` and `up`, and up for the others."""

@@ -55,7 +55,15 @@ from kybflow.dsl.world import (
 )
 from kybflow.vision.tags import FAMILIES, read_tags
 from kybflow.world.obstacle_files import occupied_places, read_image, read_info, read_points
-from kybflow.world.scanned import FARTHEST, METRES, MOST, Columns, PointCloud, placed, thinned
+from kybflow.world.scanned import (
+    MAX_RANGE,
+    METRES,
+    MOST_POINTS,
+    Columns,
+    PointCloud,
+    placed,
+    thinned,
+)
 from kybflow.world.shapes import Box, Cylinder, MovingSphere, Plane, Shape, Sphere
 from kybflow.world.tags import Tag
 
@@ -171,11 +179,11 @@ def _cloud(scan: PointCloudParams, found: Findings) -> PointCloud | None:
     wrong, hint = "", ""
     if not len(points):
         wrong, hint = "no point is higher than `above`", "lower `above`"
-    elif abs(points).max() > FARTHEST:
-        wrong = f"a point is more than {FARTHEST / 1000:g} km away"
+    elif abs(points).max() > MAX_RANGE:
+        wrong = f"a point is more than {MAX_RANGE / 1000:g} km away"
         hint = "is it in millimetres? Then add `units: mm`"
-    elif len(points := thinned(points, scan.radius)) > MOST:
-        wrong = f"{len(points)} points are left of it, and {MOST} can be kept away from"
+    elif len(points := thinned(points, scan.radius)) > MOST_POINTS:
+        wrong = f"{len(points)} points are left of it, and {MOST_POINTS} can be kept away from"
         hint = "cut it to where the vehicles fly, or choose a larger `radius`"
     if wrong:
         found.report("KYB545", f"`{scan.file}`: {wrong}", scan.span_of("file"), help=hint)
@@ -186,9 +194,9 @@ def _cloud(scan: PointCloudParams, found: Findings) -> PointCloud | None:
 def _columns(chart: OccupancyParams, image: File, found: Findings) -> Columns | None:
     info = read_info(chart.file)
     places = occupied_places(info, read_image(image))
-    if 0 < len(places) <= MOST:
+    if 0 < len(places) <= MOST_POINTS:
         return Columns.over(places, info.resolution, chart.foot, chart.foot + chart.height)
-    wrong = f"{len(places)} of its cells are occupied, and {MOST} can be kept away from"
+    wrong = f"{len(places)} of its cells are occupied, and {MOST_POINTS} can be kept away from"
     hint = "cut it to where the vehicles fly, or make its cells larger"
     if not len(places):
         wrong, hint = "none of its cells is occupied", "look at `occupied_thresh` and `negate`"

@@ -3,7 +3,7 @@ or implies another.
 
 A condition is converted to disjunctive normal form, (a and b) or (c and d) or ... A group can't
 hold if its bounds on one value leave an empty interval, or if it requires two different names for
-one value. Nothing is proven about a condition with more than `_MOST` groups.
+one value. Nothing is proven about a condition with more than `_MOST_GROUPS` groups.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from kybflow.world.shapes import Box
 
 Bounds = Callable[[object], tuple[float, float]]
 """A function that returns the range (SI) that a value never leaves."""
-_MOST = 64
+_MOST_GROUPS = 64
 _OPPOSITE: dict[tree.ComparisonOperator, tree.ComparisonOperator] = {
     "<": ">=", "<=": ">", ">": "<=", ">=": "<", "==": "!=", "!=": "==",
 }  # fmt: skip
@@ -55,7 +55,7 @@ _Group = tuple[_Fact, ...]
 
 
 class _TooManyError(Exception):
-    """The normal form has more than `_MOST` groups."""
+    """The normal form has more than `_MOST_GROUPS` groups."""
 
 
 class Envelopes(NamedTuple):
@@ -79,12 +79,12 @@ class Envelopes(NamedTuple):
         if place.start or place.vehicle is None:
             return Box(envelope.start, envelope.start)
         around = Box(envelope.low, envelope.high)
-        return around.grown(_FALLS) if place.payload else around
+        return around.grown(_PAYLOAD_DISTANCE) if place.payload else around
 
 
 EVERYWHERE = Box((-inf, -inf, -inf), (inf, inf, inf))
 ANYWHERE = Envelopes({})
-_FALLS = (1.0, 1.0, 1.0)
+_PAYLOAD_DISTANCE = (1.0, 1.0, 1.0)
 """How far from its vehicle a payload may be, on board or after it was released, along each axis,
 m."""
 
@@ -199,7 +199,7 @@ def _joined(parts: list[list[_Group]], together: bool) -> list[_Group]:
     groups: list[_Group] = [()]
     for part in parts:
         groups = [(*a, *b) for a, b in product(groups, part)]
-        if len(groups) > _MOST:
+        if len(groups) > _MOST_GROUPS:
             raise _TooManyError
     return groups
 

@@ -28,7 +28,7 @@ from kybflow.dsl.expressions.tree import (
 )
 from kybflow.parts.observables import OBSERVABLES, chains_of
 
-_MOST = 6
+_MOST_NAMES = 6
 """The most names in a hint."""
 HEALTH: Mapping[str, str] = {"age": "estimate.age", "spread": "estimate.spread"}
 """The names that an estimator's health may read, and the observable that each stands for."""
@@ -93,7 +93,7 @@ class Semantics:
         name = token.text
         inside = [f"`{k}`" for k in known if k.startswith(f"{name}.") or k == PREFIX + name]
         if len(inside) > 1:
-            hint = f"write one of {', '.join(inside[:_MOST])}"
+            hint = f"write one of {', '.join(inside[:_MOST_NAMES])}"
         else:
             hint = f"did you mean {inside[0]}?" if inside else did_you_mean(name, known)
         self.report("KYB211", token, message, "unknown", hint)

@@ -174,8 +174,8 @@ def _mean(values: Sequence[float], otherwise: float) -> float:
 _HEIGHT = 46.0
 _MARGIN = 28.0
 _TOP = 126
-_WIDE = 1760.0
-_BEGIN = 34.0
+_ROW_WIDTH = 1760.0
+_ENTRY = 34.0
 _LINE = 15.0
 _STYLE = """
   text { font-family: system-ui, 'Segoe UI', Helvetica, Arial, sans-serif; fill: #1d2733 }
@@ -234,11 +234,11 @@ def svg(plan: Plan) -> str:
 
 def _in_rows(sizes: Sequence[Point]) -> tuple[list[Point], float, float]:
     """Return the position of each drawing, the right end of all, and their bottom. A row is at most
-    `_WIDE` wide unless it holds a single wider drawing."""
+    `_ROW_WIDTH` wide unless it holds a single wider drawing."""
     places: list[Point] = []
     x, y, right, bottom = _MARGIN, float(_TOP), 0.0, float(_TOP)
     for width, height in sizes:
-        if x > _MARGIN and x + width > _WIDE:
+        if x > _MARGIN and x + width > _ROW_WIDTH:
             x, y = _MARGIN, bottom + 3 * _MARGIN
         places.append((x, y))
         right, bottom = max(right, x + width), max(bottom, y + height)
@@ -272,7 +272,7 @@ def _drawing(drawing: Drawing) -> tuple[str, float, float]:
 def _box_size(box: StateBox, loop: Edge | None, is_first: bool) -> Size:
     half = _box_width(box) / 2
     return Size(
-        half + (_BEGIN if is_first else 0.0),
+        half + (_ENTRY if is_first else 0.0),
         half + (_label_size(loop.labels).right + 28 if loop else 0.0),
         _HEIGHT,
     )
@@ -352,8 +352,8 @@ def _begin(box: StateBox, x: float, y: float) -> str:
     """Return the dot from which the machine begins, in the space left of its box."""
     left = x - _box_width(box) / 2
     return (
-        f'<circle cx="{left - _BEGIN + 6:.1f}" cy="{y:.1f}" r="5" fill="#33414e"/>'
-        f'<path class="edge" d="M{left - _BEGIN + 11:.1f} {y:.1f} L{left:.1f} {y:.1f}" {_MARKED}/>'
+        f'<circle cx="{left - _ENTRY + 6:.1f}" cy="{y:.1f}" r="5" fill="#33414e"/>'
+        f'<path class="edge" d="M{left - _ENTRY + 11:.1f} {y:.1f} L{left:.1f} {y:.1f}" {_MARKED}/>'
     )
 
 

@@ -56,7 +56,7 @@ CODES = {
     "KYB244": "Values for no state, or for several.",
 }
 _LABELS = {"trackers": "tracker", "drivers": "driver"}
-_SURE = 0.75
+_LIKENESS = 0.75
 
 
 class Decoder:
@@ -346,7 +346,7 @@ def meant(
         return f"`{part}` has no parameters"
     if key.lower() in known and key.lower() in node.entries:
         return f"remove `{key}`: `{key.lower()}` is already set"
-    near = nearest(key, known) or nearest(key, beside, _SURE)
+    near = nearest(key, known) or nearest(key, beside, _LIKENESS)
     if not near and "for" in beside:  # a fault: what it is to do could be meant as well as when
         return did_you_mean(key, {*known, *beside})
     if not near:

@@ -61,7 +61,7 @@ MAX_NODES = 100_000
 MAX_DEPTH = 40
 LONG = "a long path belongs in a table of its own, which `do: follow_trajectory` flies"
 """The hint for a file that is too large."""
-_SHOWN = 60
+_SHOWN_LETTERS = 60
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -179,7 +179,7 @@ class _Composer:
         line = self._lines[key.span.end_line - 1 : key.span.end_line]
         if line and not line[0][key.span.end_column - 1 :].lstrip().startswith(":"):
             return True
-        message = f"`{key.text[:_SHOWN]}` has no value"
+        message = f"`{key.text[:_SHOWN_LETTERS]}` has no value"
         hint = (
             "write one, indent what belongs to it, or remove it; `null` removes what `like` brings"
         )

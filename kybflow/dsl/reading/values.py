@@ -59,8 +59,8 @@ CODES = {
 }
 N = TypeVar("N", int, float)
 MAX_FILE_BYTES = 4_000_000
-_LONGEST = 100
-_SHOWN = 60
+_MAX_SCALAR = 100
+_SHOWN_LETTERS = 60
 _POINT = re.compile(r"(?:world\.)?points?\.([A-Za-z_]\w*)\Z", re.ASCII)
 _BARE = re.compile(r"[-+.\deE]+\Z", re.ASCII)
 _INTEGER = re.compile(r"[+-]?\d+\Z", re.ASCII)
@@ -121,7 +121,7 @@ def _word(node: Scalar, field: Field, found: Findings) -> Any:
     """Return a choice, a boolean or an integer, or None if the text is none of these."""
     text, kind = node.text, field.type
     kind = kind.item if isinstance(kind, ListOf) else kind
-    if len(text) > _LONGEST:
+    if len(text) > _MAX_SCALAR:
         _too_long(node, found)
     elif isinstance(kind, Choice):
         if text in kind.words:
@@ -162,7 +162,7 @@ def _too_long(node: Scalar, found: Findings) -> None:
 
 
 def _number(node: Node, field: Field, dimension: Dimension, found: Findings) -> float | None:
-    if not isinstance(node, Scalar) or len(node.text) > _LONGEST:
+    if not isinstance(node, Scalar) or len(node.text) > _MAX_SCALAR:
         if field.shape != "scalar":
             message = f"a number is needed, but this is {describe(node)}"
             found.report("KYB104", message, node.span)
@@ -244,7 +244,7 @@ def _wrong(node: Node, field: Field, found: Findings, shape: str = "") -> None:
     needed = _SHAPES.get(shape) or (article(dimension.name) if dimension else "one value")
     if isinstance(field.type, Numbers) and shape in _ROWS:
         needed = _ROWS[shape].format(*field.type.size)
-    this = shown_node(node, _LONGEST)
+    this = shown_node(node, _MAX_SCALAR)
     if shape == "row":
         this = this.replace("a list", "a row", 1)
     message = f"`{field.key}` must be {needed}, but this is {this}"
@@ -342,7 +342,7 @@ def _attached(node: Scalar, field: Field, found: Findings) -> File | None:
         lines = file.text.splitlines() if file.is_text else []
         if 0 < error.line <= len(lines):  # a missing line has no text
             text = lines[error.line - 1].strip()
-            shown = text if len(text) <= _SHOWN else text[:_SHOWN] + "..."
+            shown = text if len(text) <= _SHOWN_LETTERS else text[:_SHOWN_LETTERS] + "..."
             notes = (f"{file.name}:{error.line}: {shown}",)
         label = f"line {error.line}" if error.line else ""
         message = f"`{file.name}`: {error}"

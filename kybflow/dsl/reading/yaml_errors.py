@@ -35,7 +35,7 @@ _APART = re.compile(r"- +(?=[\d.])")
 """A minus sign and its number with a space between them."""
 _CALL = re.compile(r"\w\([^()]*\Z")
 """A function call up to the opening parenthesis and part of its argument."""
-_SHOWN = 60
+_SHOWN_LETTERS = 60
 CONDITIONS = frozenset({"when", "healthy"})
 """The keys whose values are conditions."""
 _TEXTS = frozenset({"log", "stop", "summary", "help"})
@@ -132,7 +132,7 @@ def not_yaml(error: Exception, text: str, file: str) -> Diagnostic:
 def _colonless(stop: _Stop, row: int) -> Diagnostic:
     line = stop.lines[row]
     text, place = line.strip(), (row, _indent(line))
-    shown, width = text[:_SHOWN], len(text)
+    shown, width = text[:_SHOWN_LETTERS], len(text)
     if re.match(r"-\w", text):
         return stop.finding("a space is missing after `-`", f"write `- {shown[1:]}`", place)
     hint = missing_colon(text)
@@ -160,7 +160,7 @@ def _too_deep(stop: _Stop, above: int) -> Diagnostic:
     key, outer = stop.line.strip().partition(":")[0], _KEY.match(stop.lines[above])
     wanted, own = _columns(stop.lines[above])[-1], _indent(stop.line)
     has = f"`{outer[1]}` on line {above + 1} has a value" if outer else "no key is above it"
-    message = f"`{key[:_SHOWN]}` is indented too deep: {has}"
+    message = f"`{key[:_SHOWN_LETTERS]}` is indented too deep: {has}"
     hint = f"indent it by {wanted}, like line {above + 1}, or that line by {own}"
     return stop.finding(message, hint, (stop.row, own), len(key))
 
@@ -206,7 +206,7 @@ def _dash_in_value(stop: _Stop) -> Diagnostic | None:
     rest = stop.line[stop.column :]
     if _APART.match(rest):
         number = re.split(r"[,\]}]", rest)[0].strip()
-        hint = f"write `{_APART.sub('-', number)[:_SHOWN]}`"
+        hint = f"write `{_APART.sub('-', number)[:_SHOWN_LETTERS]}`"
         return stop.finding("there is a space between the minus sign and the number", hint)
     if stop.character == "-":
         hint = "begin the list on the next line, or write it as `[...]`"
@@ -413,7 +413,7 @@ def without_colon(before: MappingEntry | None, keys: Sequence[Scalar], found: Fi
         hint = hint or "the language has no commas: write `and` where both must hold"
         name = name if name in CONDITIONS else "when"
     if hint and text:
-        message = f"YAML ends `{name}` at the comma and reads `{first[:_SHOWN]}` as a key"
+        message = f"YAML ends `{name}` at the comma and reads `{first[:_SHOWN_LETTERS]}` as a key"
         notes = (f"`{name}` is `{text}`",)
         found.report("KYB014", message, keys[0].span, notes=notes, help=hint)
         keys = () if is_list or is_row else keys[1:]
@@ -422,7 +422,7 @@ def without_colon(before: MappingEntry | None, keys: Sequence[Scalar], found: Fi
 
 
 def _without_value(key: Scalar, found: Findings) -> None:
-    shown = key.text[:_SHOWN]
+    shown = key.text[:_SHOWN_LETTERS]
     if not key.quoted and (joined := _JOINED.match(key.text)):
         message = f"a space is missing after `{joined[1]}:`"
         found.report("KYB010", message, key.span, help=f"write `{joined[1]}: {joined[2]}`")
@@ -438,4 +438,4 @@ def missing_colon(text: str) -> str:
     `height=1 m`, or that has the colon of another keyboard; otherwise an empty string."""
     typed = as_typed(text)
     parts = _JOINED.match(typed) or _TWO_WORDS.match(typed)
-    return f"write `{parts[1]}: {parts[2].strip()[:_SHOWN]}`" if parts else ""
+    return f"write `{parts[1]}: {parts[2].strip()[:_SHOWN_LETTERS]}`" if parts else ""

@@ -31,7 +31,7 @@ CODES = {
     "KYB129": "A behavior or phase that is removed, and that `like` does not bring (a warning).",
     "KYB157": "A stack that has nothing for the list in which it stands.",
 }
-_CHAIN = 20
+_MAX_CHAIN = 20
 _STANDARD = "kybflow/airframes"
 SECTIONS = ("airframes", "vehicles", "chains", "stacks", "worlds", "flows")
 """The sections that a library exports."""
@@ -148,7 +148,7 @@ class Exports:
         errors. In an imported vehicle, the names of chains are changed to those valid in this
         file."""
         key = (section, name.text)
-        if key in self._open or len(self._open) > _CHAIN:
+        if key in self._open or len(self._open) > _MAX_CHAIN:
             verb = "has" if section == "stacks" else "is like"
             chain = f" {verb} ".join(f"`{n}`" for _, n in (*self._open, key))
             message, hint = f"{chain[:200]}: this never ends", "remove one of these uses"

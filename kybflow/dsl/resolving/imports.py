@@ -26,7 +26,7 @@ CODES = {
     "KYB127": "More imports than a mission may have, counted along every way to a library.",
 }
 MAX_IMPORTS = 200
-_CHAIN = 20
+_MAX_CHAIN = 20
 _WITH = "with: {{{}: ...}}"
 """How an import sets a parameter."""
 _KEPT = frozenset({"import", "parameters"})
@@ -62,12 +62,12 @@ class Files:
                 message = f"more than {MAX_IMPORTS} imports, counting those of imported files"
                 found.report("KYB127", message, at, help="import fewer files that import others")
             return False
-        if real not in self.open and len(self.open) <= _CHAIN:
+        if real not in self.open and len(self.open) <= _MAX_CHAIN:
             return True
         message = f"circular import: `{target.file}` leads back to itself"
         hint = "remove one of these imports, or move what both files need to a third one"
         if real not in self.open:
-            message, hint = f"more than {_CHAIN} files import each other", "import it directly"
+            message, hint = f"more than {_MAX_CHAIN} files import each other", "import it directly"
         notes = (f"first imported at {self.open.get(real, at).at}",)
         found.report("KYB122", message, at, notes=notes, help=hint)
         return False

@@ -32,16 +32,16 @@ from kybflow.flight.avoidance.surroundings import Hazard
 
 _GAIN, _RATE = 3.0, 10.0
 """k and c, 1/s."""
-_BACK = 0.3
+_RETREAT_SPEED = 0.3
 """The largest speed away from a hazard that is closer than allowed, m/s."""
 _SHARE = 0.9
 """The largest share of `strongest` that one demand may take, so that each can be met alone."""
-_EXACT = 1e-9
+_TOLERANCE = 1e-9
 """Tolerance, m/s^2, within which an acceleration fulfils a demand."""
-_MISSED, _UNBOUNDED = 1e3, 1e30
+_MISSED_COST, _UNBOUNDED_COST = 1e3, 1e30
 """The cost of missing a demand, relative to an equally large change of the acceleration, and a
 number that stands for infinity."""
-_STEEP = 0.3
+_MIN_APPROACH = 0.3
 """The least component of a unit heading along -n at which the vehicle heads for the hazard."""
 
 
@@ -53,7 +53,7 @@ class Demand(NamedTuple):
 
     def holds(self, acceleration: Vec3) -> bool:
         """Return whether an acceleration fulfils the demand."""
-        return dot(self.normal, acceleration) >= self.least - _EXACT
+        return dot(self.normal, acceleration) >= self.least - _TOLERANCE
 
 
 def stoppable(room: float, braking: float) -> tuple[float, float]:
@@ -61,7 +61,7 @@ def stoppable(room: float, braking: float) -> tuple[float, float]:
     `room` (m), and its derivative with respect to the room (1/s)."""
     linear = braking / (_GAIN * _GAIN)
     if room <= linear:
-        return max(_GAIN * room, -_BACK), _GAIN if _GAIN * room > -_BACK else 0.0
+        return max(_GAIN * room, -_RETREAT_SPEED), _GAIN if _GAIN * room > -_RETREAT_SPEED else 0.0
     speed = sqrt(2.0 * braking * (room - 0.5 * linear))
     return speed, braking / speed
 
@@ -115,14 +115,14 @@ def _minimised(
     if not (np.isfinite(matrix).all() and np.isfinite(target).all()):
         raise ValueError(f"what is near is not finite: {rows}, {wanted}")
     cost = np.ones(len(target))
-    cost[3:] = _MISSED
+    cost[3:] = _MISSED_COST
     bound = np.full(len(target), strongest)
-    bound[3:] = _UNBOUNDED
+    bound[3:] = _UNBOUNDED_COST
     x, _, flag, _ = daqp.solve(
         np.diag(cost),
         -target,
         np.ascontiguousarray(matrix[:, :-1]),
-        np.concatenate((bound, np.full(len(rows), _UNBOUNDED))),
+        np.concatenate((bound, np.full(len(rows), _UNBOUNDED_COST))),
         np.concatenate((-bound, matrix[:, -1])),
     )
     return [float(number) for number in x] if flag >= 1 else None
@@ -143,13 +143,15 @@ def stopped(
     along a hazard only if its path leads past it."""
     broken = [d for d in demands if not d.holds(wanted)]
     heading = add(velocity, scale(wanted, dt))
-    steep = -_STEEP * norm(heading)
+    steep = -_MIN_APPROACH * norm(heading)
     if any(dot(d.normal, heading) < steep for d in broken):
         brake = braked(velocity, strongest, dt)
         change = sub(brake, wanted)
         gains = ((d, dot(d.normal, change)) for d in broken)
         # the share of the change that fulfils each demand; infinite if the change doesn't help
-        shares = [(d.least - dot(d.normal, wanted)) / g if g > _EXACT else inf for d, g in gains]
+        shares = [
+            (d.least - dot(d.normal, wanted)) / g if g > _TOLERANCE else inf for d, g in gains
+        ]
         given = add(wanted, scale(change, max(shares)))
         if max(shares) <= 1.0 and all(d.holds(given) for d in demands):
             return given

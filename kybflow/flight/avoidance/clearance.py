@@ -19,8 +19,8 @@ from typing import NamedTuple
 from kybflow.core.geometry import Vec3, add, dot, scale
 from kybflow.world.shapes import Box
 
-_STOPPING, _GAIN = 1.0, 2.0
-_LINEAR = 0.5 * _STOPPING / _GAIN**2
+_DECELERATION, _GAIN = 1.0, 2.0
+_LINEAR = 0.5 * _DECELERATION / _GAIN**2
 _ROUNDS = 4
 _INWARD: tuple[Vec3, ...] = (
     (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0),
@@ -40,12 +40,12 @@ def stopping_speed(room: float) -> float:
     """Return the largest speed (m/s) towards something that is `room` metres away."""
     if room <= _LINEAR:
         return _GAIN * max(room, 0.0)
-    return sqrt(2.0 * _STOPPING * (room - 0.5 * _LINEAR))
+    return sqrt(2.0 * _DECELERATION * (room - 0.5 * _LINEAR))
 
 
 def reach_of(speed: float) -> float:
     """Return the distance (m) beyond which a surface doesn't limit a velocity of `speed` (m/s)."""
-    return speed * speed / (2.0 * _STOPPING) + _LINEAR
+    return speed * speed / (2.0 * _DECELERATION) + _LINEAR
 
 
 def walls(position: Vec3, box: Box) -> tuple[Surface, ...]:

@@ -32,13 +32,13 @@ from kybflow.flight.motion import motion_of
 from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import Airframe
 
-_TURNING, _RETURNING, _FARTHEST = 1.5, 0.5, 1.9
+_TURNING_RATE, _RETURNING_RATE, _MAX_ANGLE = 1.5, 0.5, 1.9
 """Rates at which the angle grows and shrinks, rad/s, and the largest angle, rad."""
-_SLOW = 0.05
+_BLOCKED_SPEED = 0.05
 """The least wanted speed that counts as blocked, m/s."""
-_INSIDE = 0.3
+_FENCE_GAP = 0.3
 """Distance of a detour from the fence, m."""
-_IMMINENT = 1.0
+_BLOCKING_PUSH = 1.0
 """Something ahead blocks the way if it allows less acceleration than this towards it, m/s^2."""
 
 
@@ -46,14 +46,13 @@ class Detour:
     """Turns the velocity of a blocked vehicle to the right, so that vehicles that meet head on pass
     each other, and vehicles that meet at one point go round it in the same direction.
 
-    The angle grows by `_TURNING` while the vehicle makes less than half of the wanted speed towards
-    its goal because of something ahead; otherwise it shrinks. A detour stays at least 30 cm inside
-    the fence.
-    """
+    The angle grows by `_TURNING_RATE` while the vehicle makes less than half of the wanted speed
+    towards its goal because of something ahead; otherwise it shrinks. A detour stays at least 30 cm
+    inside the fence."""
 
     def __init__(self, fence: Box | None) -> None:
         self._angle = 0.0
-        self._room = None if fence is None else fence.grown((-_INSIDE, -_INSIDE, 0.0))
+        self._room = None if fence is None else fence.grown((-_FENCE_GAP, -_FENCE_GAP, 0.0))
 
     def turned(
         self, goal: Vec3, place: Vec3, velocity: Vec3, demands: list[Demand], dt: float
@@ -62,12 +61,14 @@ class Detour:
         vehicle's position and velocity."""
         length = norm(goal)
         blocked = (
-            length > _SLOW
+            length > _BLOCKED_SPEED
             and dot(goal, velocity) < 0.5 * length * length
-            and any(dot(d.normal, goal) < -0.3 * length and d.least > -_IMMINENT for d in demands)
+            and any(
+                dot(d.normal, goal) < -0.3 * length and d.least > -_BLOCKING_PUSH for d in demands
+            )
         )
-        change = _TURNING * dt if blocked else -_RETURNING * dt
-        self._angle = min(max(self._angle + change, 0.0), _FARTHEST)
+        change = _TURNING_RATE * dt if blocked else -_RETURNING_RATE * dt
+        self._angle = min(max(self._angle + change, 0.0), _MAX_ANGLE)
         if self._angle == 0.0:
             return goal
         c, s = cos(self._angle), sin(self._angle)
@@ -79,10 +80,10 @@ class Detour:
 _POSITION, _VELOCITY = SetpointKind.POSITION, SetpointKind.VELOCITY
 ACCEPTS = {kind: kind for kind in (_POSITION, _VELOCITY, SetpointKind.ACCELERATION)}
 """The kinds of setpoint that it changes, each with the kind that results, which is the same."""
-_STRONGEST, _TILT_SHARE, _PLANNED = 3.0, 0.8, 0.8
+_MAX_ACCELERATION, _TILT_SHARE, _PLANNED_SHARE = 3.0, 0.8, 0.8
 """The largest acceleration, m/s^2; the largest share of the acceleration that the airframe's tilt
 allows; and the share of the smaller of these with which braking is planned."""
-_JUMP, _LEAP = 1e-3, 0.05
+_NEAR_STEP, _FAR_STEP = 1e-3, 0.05
 """The largest step in position, beyond the velocity's, that passes if something is near, and if
 nothing is, m."""
 
@@ -115,7 +116,7 @@ class Avoidance:
         self._gets_stuck = False
         self._stuck: Time = -NEVER
         self._nearby, self._hull, self._detour = nearby, airframe.hull, detour
-        self._strongest = min(_STRONGEST, _TILT_SHARE * GRAVITY * tan(airframe.tilt))
+        self._strongest = min(_MAX_ACCELERATION, _TILT_SHARE * GRAVITY * tan(airframe.tilt))
         self._follower = Follower()
 
     def bend(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint | Emitting:
@@ -140,7 +141,7 @@ class Avoidance:
         else:
             place, velocity = known.position, known.velocity
         keep, strongest = keeping.keep + self._hull, self._strongest
-        braking = min(keeping.braking, _PLANNED * strongest)
+        braking = min(keeping.braking, _PLANNED_SHARE * strongest)
         second = SecondPoint(known.position, keeping.slack) if kind is _POSITION else None
         near = self._nearby.near(
             place, norm(velocity), tick, lambda v: keep + reach_of(v, braking, strongest), second
@@ -194,7 +195,9 @@ class Avoidance:
         mean = scale(add(velocity, before.velocity), 0.5 * dt)
         jump = norm(sub(sub(setpoint.position or ZERO, before.position), mean))
         change = scale(sub(velocity, before.velocity), 1.0 / dt)
-        return jump <= (_JUMP if demands else _LEAP) and all(d.holds(change) for d in demands)
+        return jump <= (_NEAR_STEP if demands else _FAR_STEP) and all(
+            d.holds(change) for d in demands
+        )
 
     def _slewed(
         self, setpoint: Setpoint, demands: list[Demand], most: float, tick: Tick

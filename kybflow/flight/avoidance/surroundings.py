@@ -17,10 +17,10 @@ from kybflow.core.signals import NS, Estimate, SeenObstacle, Tick, Time
 from kybflow.world.shapes import Shape, around
 from kybflow.world.vehicle_context import VehicleContext, hull_of
 
-LOST = 1.0
+GROWTH_S = 1.0
 """Seconds after which an unseen obstacle stops growing."""
-_FORGOTTEN = 20 * NS
-_DRIFT = 0.3
+_MEMORY_NS = 20 * NS
+_DRIFT_SPEED = 0.3
 """Least assumed speed of a vehicle whose position is unknown, m/s."""
 
 
@@ -59,21 +59,21 @@ class Obstacles:
         if time == now:
             self._last[name] = last
             return SeenObstacle(now, position, velocity, hull, speed)
-        if known is None and now - time > _FORGOTTEN:
+        if known is None and now - time > _MEMORY_NS:
             return None
         self._last[name] = last
-        return grown(SeenObstacle(time, position, velocity, hull, max(speed, _DRIFT)), now)
+        return grown(SeenObstacle(time, position, velocity, hull, max(speed, _DRIFT_SPEED)), now)
 
 
 def grown(seen: SeenObstacle, now: Time) -> SeenObstacle:
     """Return a moving obstacle enlarged by the distance that it can have moved since it was
     seen."""
-    return seen._replace(radius=seen.radius + seen.speed * min((now - seen.time) / NS, LOST))
+    return seen._replace(radius=seen.radius + seen.speed * min((now - seen.time) / NS, GROWTH_S))
 
 
-_CLOSING, _LATEST = 20.0, 0.1
+_CLOSING_SPEED, _MAX_PAUSE_S = 20.0, 0.1
 """Assumed closing speed of a distant obstacle, m/s, and the longest time between two checks, s."""
-_BELIEVED = NS // 5
+_RETREAT_NS = NS // 5
 """How long an unseen obstacle counts as moving away, ns."""
 
 
@@ -187,7 +187,7 @@ def _ball(
     time, position, velocity, radius, _ = seen
     away = sub(point, position)
     apart, room = norm(away), slack - radius
-    if now - time > _BELIEVED and (now - time >= LOST * NS or dot(away, velocity) < 0.0):
+    if now - time > _RETREAT_NS and (now - time >= GROWTH_S * NS or dot(away, velocity) < 0.0):
         velocity = ZERO
     if apart <= 0.0:
         return Hazard(name, room, UP, velocity, 0.0, is_vehicle)
@@ -197,4 +197,4 @@ def _ball(
 
 def _until(gap: float) -> Time:
     """Return the time (ns) within which nothing can cross `gap` metres."""
-    return round(min(gap / _CLOSING, _LATEST) * NS)
+    return round(min(gap / _CLOSING_SPEED, _MAX_PAUSE_S) * NS)

@@ -34,15 +34,15 @@ from kybflow.core.geometry import (
 )
 from kybflow.flight.avoidance.clearance import Surface, bounded, stopping_speed
 from kybflow.flight.governor import shortened
-from kybflow.flight.motion import STEEPEST, Coast, Motion, smoothstep
+from kybflow.flight.motion import MAX_SLOPE, Coast, Motion, smoothstep
 
-AGREEING = 1.0
+CONSENSUS_RATE = 1.0
 """The rate k at which the members' frames converge, 1/s."""
-_TURNING = 4.0
+_TURN_ACCELERATION = 4.0
 """The largest change of the turn rate, rad/s^2."""
-_HARD = 2.5
+_MAX_ACCELERATION = 2.5
 """The largest acceleration (m/s^2) that keeps a frame away from something."""
-_FASTEST = 0.3
+_DRIFT_SPEED = 0.3
 """The largest speed (m/s) at which a frame drifts towards the others."""
 _SHARPEST = 10.0 / sqrt(3.0)
 """The largest second derivative of the smoothstep."""
@@ -112,7 +112,7 @@ class Shift:
     @staticmethod
     def time_for(length: float, speed: float, acceleration: float) -> float:
         """Return the seconds that a path of this length needs within the limits."""
-        return max(STEEPEST * length / speed, sqrt(_SHARPEST * length / acceleration))
+        return max(MAX_SLOPE * length / speed, sqrt(_SHARPEST * length / acceleration))
 
     def at(self, time: float) -> Motion:
         """Return the motion in the frame `time` seconds after the start."""
@@ -167,13 +167,13 @@ def moved(
     wanted, surfaces = add(frame.velocity, change), [surface for _, surface in near]
     if surfaces:
         wanted = bounded(wanted, surfaces)
-        change = shortened(sub(wanted, frame.velocity), _HARD * dt)
+        change = shortened(sub(wanted, frame.velocity), _MAX_ACCELERATION * dt)
     velocity = add(frame.velocity, change)
     rate = _turning(frame, asked.rate, limits, reach, near, dt)
     drift, turn = ZERO, 0.0
     if mean is not None:
-        drift = shortened(scale(sub(mean.centre, frame.centre), AGREEING), _FASTEST)
-        turn = AGREEING * wrap(mean.heading - frame.heading)
+        drift = shortened(scale(sub(mean.centre, frame.centre), CONSENSUS_RATE), _DRIFT_SPEED)
+        turn = CONSENSUS_RATE * wrap(mean.heading - frame.heading)
     if surfaces:
         drift = bounded(drift, surfaces)
     step = add(scale(add(frame.velocity, velocity), 0.5 * dt), scale(drift, dt))
@@ -199,7 +199,7 @@ def _turning(
     towards a surface faster than half of the speed that can stop before it."""
     most = limits.turn_rate if reach <= 0.0 else min(limits.turn_rate, limits.speed / reach)
     asked = max(-most, min(most, asked))
-    step = _TURNING * dt
+    step = _TURN_ACCELERATION * dt
     rate = frame.rate + max(-step, min(step, asked - frame.rate))
     share = 1.0
     for (x, y, _), (room, normal) in near if rate != 0.0 else ():
@@ -248,9 +248,9 @@ def approach_speed(gap: float, acceleration: float) -> float:
     return 2.0 * gap if gap <= linear else sqrt(2.0 * acceleration * (gap - 0.5 * linear))
 
 
-_ROUND = 8
+_CORNERS = 8
 """Corners on each level circle round a place."""
-_WIDER = (1.1, 1.5, 2.2)
+_CORNER_DISTANCES = (1.1, 1.5, 2.2)
 """Distances of the corners from a place, as multiples of the least distance that a leg must keep;
 they are larger because the legs cut the circle."""
 
@@ -293,9 +293,9 @@ def _passes(start: Vec3, end: Vec3, place: Vec3, apart: float) -> bool:
 
 
 def _beside(place: Vec3, apart: float) -> Iterator[Vec3]:
-    for wider in _WIDER:
-        for i in range(_ROUND):
-            angle = 2.0 * pi * i / _ROUND
+    for wider in _CORNER_DISTANCES:
+        for i in range(_CORNERS):
+            angle = 2.0 * pi * i / _CORNERS
             yield add(place, scale((cos(angle), sin(angle), 0.0), wider * apart))
         yield add(place, (0.0, 0.0, wider * apart))
         yield add(place, (0.0, 0.0, -wider * apart))

@@ -88,8 +88,8 @@ def _centred(places: tuple[Vec3, ...]) -> tuple[Vec3, ...]:
 
 
 _ANGLES, _ROUNDS = 12, 4
-_BETTER = 1e-9
-_FINE = 1e-6
+_MIN_GAIN = 1e-9
+_LENGTH_STEP = 1e-6
 """Resolution of squared path lengths, m^2, so that rounding doesn't decide between equal ones."""
 
 
@@ -144,10 +144,10 @@ def laid(
             taken = assigned(here, goals)
             cost = sum(_squared(a, goals[i]) for a, i in zip(here, taken, strict=True))
             found = Laid(at, angle - heading, taken)
-            if best is None or cost < least - _BETTER:
+            if best is None or cost < least - _MIN_GAIN:
                 best, least = found, cost
             before, angle = angle, _best_angle(here, [places[i] for i in taken], centre, angle)
-            if turned is not None or abs(angle - before) < _BETTER:
+            if turned is not None or abs(angle - before) < _MIN_GAIN:
                 break
     assert best is not None
     return best
@@ -166,13 +166,13 @@ def _best_angle(
         (bx, by, _), (ax, ay, _) = sub(point, from_here), sub(place, from_places)
         across += ax * by - ay * bx
         along += ax * bx + ay * by
-    return atan2(across, along) if abs(across) + abs(along) > _BETTER else before
+    return atan2(across, along) if abs(across) + abs(along) > _MIN_GAIN else before
 
 
 def _squared(a: Vec3, b: Vec3) -> float:
-    """Return the squared distance, rounded to multiples of `_FINE`."""
+    """Return the squared distance, rounded to multiples of `_LENGTH_STEP`."""
     x, y, z = sub(a, b)
-    return round((x * x + y * y + z * z) / _FINE) * _FINE
+    return round((x * x + y * y + z * z) / _LENGTH_STEP) * _LENGTH_STEP
 
 
 def prepare() -> None:
@@ -180,7 +180,7 @@ def prepare() -> None:
     assigned(((0.0, 0.0, 0.0),), ((0.0, 0.0, 0.0),))
 
 
-NEAREST = 8
+NEAR_PLACES = 8
 
 
 class TakenPlaces(NamedTuple):
@@ -213,7 +213,7 @@ def seen_from(shape: Sequence[Vec3], own: int, others: Collection[int]) -> Taken
     heights = [z for _, _, z in places]
     return TakenPlaces(
         places,
-        tuple((i, far) for far, i in away[:NEAREST]),
+        tuple((i, far) for far, i in away[:NEAR_PLACES]),
         max(hypot(x, y) for x, y, _ in places),
         min(heights),
         max(heights),

@@ -8,7 +8,7 @@ gyroscope (body).
 The state may be augmented by m causes of systematic measurement errors, each with the prior
 variance 1, so that an error common to many measurements is neither averaged away nor taken for
 motion (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation",
-2001, sec. 8.2, autocorrelated measurement noise). The first `WANDERING` causes are first-order
+2001, sec. 8.2, autocorrelated measurement noise). The first `WANDERERS` causes are first-order
 Markov processes, x' = a x + w, where w has the variance 1 - a^2; the rest are constants. SI units.
 A covariance is a (15 + m) x (15 + m) array that is never changed in place.
 """
@@ -25,12 +25,12 @@ from kybflow.core.signals import NS, Time
 
 Matrix = NDArray[numpy.float64]
 
-SIZE = 15
+STATES = 15
 POSITION, VELOCITY, ATTITUDE = slice(0, 3), slice(3, 6), slice(6, 9)
 ACCELEROMETER, GYRO = slice(9, 12), slice(12, 15)
-WANDERING = 6
+WANDERERS = 6
 """How many of the causes of systematic errors vary as Markov processes; the others are constant."""
-_IDENTITY = numpy.eye(SIZE)
+_IDENTITY = numpy.eye(STATES)
 _POSE: Matrix = _IDENTITY[[0, 1, 2, 6, 7, 8]]
 _SEES = {3: _POSE[:3], 6: _POSE}
 """The measurement matrix H of a position and of a pose, by the number of innovations."""
@@ -78,7 +78,7 @@ class Nominal(NamedTuple):
 
     def corrected(self, error: Matrix) -> Nominal:
         """Return the state corrected by the error (sec. 6.2, eq. 283)."""
-        px, py, pz, vx, vy, vz, x, y, z, ax, ay, az, gx, gy, gz = error[:SIZE].tolist()
+        px, py, pz, vx, vy, vz, x, y, z, ax, ay, az, gx, gy, gz = error[:STATES].tolist()
         (p0, p1, p2), (v0, v1, v2) = self.position, self.velocity
         (a0, a1, a2), (g0, g1, g2) = self.accelerometer_bias, self.gyro_bias
         return Nominal(
@@ -144,12 +144,12 @@ def predicted(
     f[VELOCITY, GYRO] = once @ middle / 2.0
     f[ATTITUDE, ATTITUDE] = last.T @ first
     f[ATTITUDE, GYRO] = -(last.T @ middle)
-    if size > SIZE:
-        f.flat[SIZE * (size + 1) : (SIZE + WANDERING) * (size + 1) : size + 1] = kept
+    if size > STATES:
+        f.flat[STATES * (size + 1) : (STATES + WANDERERS) * (size + 1) : size + 1] = kept
     result: Matrix = f @ covariance @ f.T
     variance = result.reshape(-1)[:: size + 1]
-    variance[:SIZE] += dt * noise
-    variance[SIZE : SIZE + WANDERING] += 1.0 - kept * kept
+    variance[:STATES] += dt * noise
+    variance[STATES : STATES + WANDERERS] += 1.0 - kept * kept
     return result
 
 
@@ -223,9 +223,9 @@ def chi_square_bound(refused: float, size: int) -> float:
     return float(chdtri(size, refused))
 
 
-TIME = 0.5
+AVERAGING_S = 0.5
 """Seconds over which the variance is averaged."""
-CLEARLY = 4.0
+RATIO = 4.0
 """Least ratio of the measured to the declared variance that counts as vibration."""
 
 
@@ -253,7 +253,7 @@ class Vibration:
         """The measured noise, or the declared noise unless the measured one is clearly larger."""
         p = self._declared
         velocity, attitude = (
-            scatter.variance**0.5 if scatter.variance > CLEARLY * declared * declared else declared
+            scatter.variance**0.5 if scatter.variance > RATIO * declared * declared else declared
             for scatter, declared in ((self._force, p.velocity), (self._turn, p.attitude))
         )
         return p._replace(velocity=velocity, attitude=attitude)
@@ -275,7 +275,7 @@ class Scatter:
         (ax, ay, az), (bx, by, bz), (cx, cy, cz) = self._before, self._last, sample
         if self._seen > 1:
             x, y, z = ax - 2.0 * bx + cx, ay - 2.0 * by + cy, az - 2.0 * bz + cz
-            share = dt / (TIME + dt)
+            share = dt / (AVERAGING_S + dt)
             self.variance += share * (dt * (x * x + y * y + z * z) / 18.0 - self.variance)
         else:
             self._seen += 1

@@ -19,7 +19,7 @@ from kybflow.flight.fusion.covariance import (
     ATTITUDE,
     GYRO,
     POSITION,
-    SIZE,
+    STATES,
     VELOCITY,
     ImuNoise,
     Matrix,
@@ -33,18 +33,18 @@ from kybflow.flight.fusion.params import FilterParams
 from kybflow.flight.fusion.replay import Belief, FilterState, Fix, Replay
 from kybflow.flight.pose_gate import Bounds, PoseGate, Reference, Refusal, seen_from
 
-NEAR = 0.2
+MIN_GATE = 0.2
 """Least distance from the predicted position that the gate allows, metres."""
-PACE = 1.0
+VELOCITY_SPREAD = 1.0
 """Standard deviation of an unknown velocity, m/s."""
-LEANING = 0.1
+KEPT_TILT_SPREAD = 0.1
 """Standard deviation about each axis of an attitude that is kept at a new start, rad."""
-REST_FORCE, REST_TURN, REST = 0.5, 0.1, 0.5
+REST_FORCE, REST_TURN, REST_TIME_S = 0.5, 0.1, 0.5
 """The vehicle is at rest if the specific force is this close to gravity, m/s^2, and the turn rate
 this low, rad/s, for so many seconds."""
 WRONG_FORCE, WRONG_TURN = 1.0, 0.1
 """Standard deviations of an IMU's biases after they led the filter astray, m/s^2 and rad/s."""
-CREEP, SHIVER = 0.01, 0.01
+REST_VELOCITY_SPREAD, REST_ACCELERATION_SPREAD = 0.01, 0.01
 """Standard deviations at rest of the velocity, m/s, and of the acceleration, m/s^2."""
 
 
@@ -160,7 +160,7 @@ class Filter:
 
     def _bounds(self, fix: Fix) -> Bounds:
         p, beside = self._params, 4.0 * fix.deviation
-        gate = min(NEAR, p.widest_gate) + beside
+        gate = min(MIN_GATE, p.widest_gate) + beside
         return Bounds(gate, p.widest_gate + beside, p.settled, p.doubt)
 
     def _begin(self, fix: Fix, flown: Estimate | None, velocity: Vec3 | None = None) -> None:
@@ -209,23 +209,23 @@ def begun(fix: Fix, unknown: Unknown, attitude: Quat, velocity: Vec3 | None) -> 
     errors are correlated with the errors of this state, with the opposite sign."""
     slopes = numpy.zeros((6, 0)) if fix.slopes is None else fix.slopes
     count = slopes.shape[1]
-    covariance = numpy.zeros((SIZE + count, SIZE + count))
+    covariance = numpy.zeros((STATES + count, STATES + count))
     covariance[POSITION, POSITION] = fix.noise[:3, :3]
-    pace = PACE if velocity is None else 0.3 * PACE
+    pace = VELOCITY_SPREAD if velocity is None else 0.3 * VELOCITY_SPREAD
     covariance[VELOCITY, VELOCITY] = numpy.eye(3) * pace**2
     if fix.attitude is not None:
         attitude = fix.attitude
         covariance[ATTITUDE, ATTITUDE] = fix.noise[3:, 3:]
     else:
-        covariance[ATTITUDE, ATTITUDE] = numpy.eye(3) * LEANING**2
+        covariance[ATTITUDE, ATTITUDE] = numpy.eye(3) * KEPT_TILT_SPREAD**2
     covariance[ACCELEROMETER, ACCELEROMETER] = numpy.eye(3) * unknown.accelerometer**2
     covariance[GYRO, GYRO] = numpy.eye(3) * unknown.gyro**2
     if count:
-        sees = numpy.zeros((SIZE, count))
+        sees = numpy.zeros((STATES, count))
         sees[POSITION], sees[ATTITUDE] = slopes[:3], slopes[3:]
-        covariance[:SIZE, :SIZE] += sees @ sees.T
-        covariance[:SIZE, SIZE:], covariance[SIZE:, :SIZE] = -sees, -sees.T
-        covariance[SIZE:, SIZE:] = numpy.eye(count)
+        covariance[:STATES, :STATES] += sees @ sees.T
+        covariance[:STATES, STATES:], covariance[STATES:, :STATES] = -sees, -sees.T
+        covariance[STATES:, STATES:] = numpy.eye(count)
     nominal = Nominal(fix.time, fix.position, ZERO if velocity is None else velocity, attitude)
     return FilterState(
         nominal, covariance, fix.time, systematic=numpy.zeros(count), extent=fix.extent
@@ -263,7 +263,7 @@ class Standstill:
 
     def holds(self, time: Time) -> bool:
         """Return whether the vehicle is at rest now and was at `time`."""
-        return self._since is not None and self._since <= time and self._seconds >= REST
+        return self._since is not None and self._since <= time and self._seconds >= REST_TIME_S
 
     def begun(self, fix: Fix, unknown: Unknown, noise: ImuNoise, heading: float) -> FilterState:
         """Return a state that starts at a position, at rest. Tilt and biases come from one
@@ -274,18 +274,18 @@ class Standstill:
         state = begun(fix._replace(attitude=None), unknown, attitude, ZERO)
         turn = matrix(attitude)
         covariance = state.covariance.copy()
-        covariance[VELOCITY, VELOCITY] = numpy.eye(3) * CREEP**2
+        covariance[VELOCITY, VELOCITY] = numpy.eye(3) * REST_VELOCITY_SPREAD**2
         covariance[ATTITUDE, ATTITUDE] = turn.T @ numpy.diag((1.0, 1.0, unknown.heading**2)) @ turn
         pull: Matrix = turn.T @ numpy.array((0.0, 0.0, GRAVITY))
         px, py, pz = pull.tolist()
-        sees = numpy.zeros((6, SIZE))
+        sees = numpy.zeros((6, STATES))
         sees[:3, ATTITUDE] = skew((px, py, pz))
         sees[:3, ACCELEROMETER] = sees[3:, GYRO] = numpy.eye(3)
         told = correction(
             covariance,
             [fx - px, fy - py, fz - pz, *self._turn],
             numpy.diag(
-                [noise.velocity**2 / self._seconds + SHIVER**2] * 3
+                [noise.velocity**2 / self._seconds + REST_ACCELERATION_SPREAD**2] * 3
                 + [noise.attitude**2 / self._seconds] * 3
             ),
             sees,

@@ -25,8 +25,8 @@ import numpy
 from kybflow.core.geometry import ZERO, Quat, Vec3, add, distance, integrate, scale, sub
 from kybflow.core.signals import IMU_TIMEOUT, NS, Imu, Time
 from kybflow.flight.fusion.covariance import (
-    SIZE,
-    WANDERING,
+    STATES,
+    WANDERERS,
     ImuNoise,
     Matrix,
     Nominal,
@@ -40,7 +40,7 @@ from kybflow.flight.fusion.covariance import (
 )
 from kybflow.flight.pose_gate import is_same
 
-STEP = NS // 25
+VIBRATION_PERIOD_NS = NS // 25
 UNKNOWN_ACCELERATION, UNKNOWN_TURN = 3.0, 1.0
 """Standard deviations of the vehicle's unknown motion during a gap in the IMU samples, m/s^2 and
 rad/s."""
@@ -168,13 +168,13 @@ class Replay:
         if imu.time <= since:
             return
         self._vibration.add_imu(imu.specific_force, imu.angular_velocity, imu.dt)
-        if since // STEP != imu.time // STEP:
+        if since // VIBRATION_PERIOD_NS != imu.time // VIBRATION_PERIOD_NS:
             self._felt = self._vibration.noise.variances()
         sample = _Sample(since, imu.time, imu.specific_force, imu.angular_velocity, self._felt)
         samples.append(sample)
         if self.nominal is not None:
             self._advance(sample, ())
-        if since // STEP != imu.time // STEP:
+        if since // VIBRATION_PERIOD_NS != imu.time // VIBRATION_PERIOD_NS:
             self._forget(imu.time - self._memory)
 
     def begin(self, state: FilterState) -> None:
@@ -239,7 +239,7 @@ class Replay:
             self._settle()
             self._states.append(self._fuse(fix))
         self._move(sample, sample.time)
-        if sample.since // STEP != sample.time // STEP:
+        if sample.since // VIBRATION_PERIOD_NS != sample.time // VIBRATION_PERIOD_NS:
             self._states.append(self._settle())
 
     def _move(self, sample: _Sample, time: Time) -> None:
@@ -265,7 +265,7 @@ class Replay:
             covariance = predicted(state.covariance, state.nominal, nominal, self._noise, kept)
             systematic = state.systematic
             if len(systematic):
-                systematic = numpy.append(kept * systematic[:WANDERING], systematic[WANDERING:])
+                systematic = numpy.append(kept * systematic[:WANDERERS], systematic[WANDERERS:])
             state = state._replace(nominal=nominal, covariance=covariance, systematic=systematic)
             self.state = state
         return state
@@ -284,7 +284,7 @@ class Replay:
         ):
             self.nominal = nominal.corrected(told.error)
             covariance = reset(told.covariance, told.error)
-            systematic = state.systematic + told.error[SIZE:]
+            systematic = state.systematic + told.error[STATES:]
             state = FilterState(
                 self.nominal, covariance, fix.time, state.passed + 1,
                 systematic=systematic, extent=fix.extent,

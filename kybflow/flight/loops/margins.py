@@ -27,14 +27,14 @@ Response = Callable[[complex], complex]
 """A transfer function of s."""
 _Point = tuple[float, complex]
 
-LOWEST, LOW, HIGHEST = 0.02, 1.0, 300.0
+MIN_RATE, MID_RATE, MAX_RATE = 0.02, 1.0, 300.0
 """Frequencies of the grid, rad/s. It is coarse below the middle one, where loops have only their
 integrators."""
-COARSE, FINE = 16, 120
-SHARPEST, FINEST = 0.7, 8
+COARSE_STEPS, FINE_STEPS = 16, 120
+MAX_TURN, MOST_HALVINGS = 0.7, 8
 """Largest angle, rad, by which L and 1 + L may turn between two frequencies, and how often a step
 may be halved to achieve this."""
-SMALL = 0.1
+NEGLIGIBLE_GAIN = 0.1
 """|L| below which the response no longer matters."""
 
 
@@ -65,8 +65,8 @@ UNSTABLE = Margins(1.0, 0.0, 0.0)
 
 
 _GRID = (
-    *(LOWEST * (LOW / LOWEST) ** (k / COARSE) for k in range(COARSE)),
-    *(LOW * (HIGHEST / LOW) ** (k / FINE) for k in range(FINE + 1)),
+    *(MIN_RATE * (MID_RATE / MIN_RATE) ** (k / COARSE_STEPS) for k in range(COARSE_STEPS)),
+    *(MID_RATE * (MAX_RATE / MID_RATE) ** (k / FINE_STEPS) for k in range(FINE_STEPS + 1)),
 )
 
 
@@ -75,7 +75,7 @@ def margins(response: Response) -> Margins:
     points = [(w, response(complex(0.0, w))) for w in _GRID]
     curve = [points[0]]
     for before, after in pairwise(points):
-        curve += _refined(response, before, after, FINEST)
+        curve += _refined(response, before, after, MOST_HALVINGS)
     if not _is_stable(curve):
         return UNSTABLE
     gain = phase = delay = inf
@@ -93,10 +93,10 @@ def _refined(response: Response, a: _Point, b: _Point, halvings: int) -> Iterato
     (w, here), (x, there) = a, b
     if (
         halvings
-        and max(abs(here), abs(there)) > SMALL
+        and max(abs(here), abs(there)) > NEGLIGIBLE_GAIN
         and (
             max(abs(cmath.phase(there / here)), abs(cmath.phase((1.0 + there) / (1.0 + here))))
-            > SHARPEST
+            > MAX_TURN
         )
     ):
         middle = sqrt(w * x)

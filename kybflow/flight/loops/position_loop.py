@@ -49,7 +49,7 @@ from typing import NamedTuple
 from kybflow.core.matrices import eigenvalues2, eigenvalues3
 from kybflow.core.params import param, params
 from kybflow.core.units import Number
-from kybflow.flight.force_estimates import WASHOUT
+from kybflow.flight.force_estimates import WASHOUT_TIME_S
 from kybflow.flight.loops.margins import UNSTABLE, Margins, Response, margins
 from kybflow.flight.tracked_pose import TrackedParams
 from kybflow.world.vehicle_context import InnerLoop
@@ -169,7 +169,7 @@ def vertical(outer: OuterLoop, inner: InnerLoop) -> Response:
             place, speed = _tracked(z, pose_period, FILTERS.velocity_bandwidth, height, 0.0)
             return climb * exp(-s * late) * old * (place + age * speed)
         place, speed = _tracked(z, pose_period, FILTERS.velocity_bandwidth, 1.0 / (s * s), 0.0)
-        seen = bandwidth / (s + bandwidth) * WASHOUT * s / (1.0 + WASHOUT * s)
+        seen = bandwidth / (s + bandwidth) * WASHOUT_TIME_S * s / (1.0 + WASHOUT_TIME_S * s)
         law = old * (d * speed + k * (place + age * speed))
         return rotors * (law + seen) / (1.0 - seen / (1.0 + s * rotor_time))
 
@@ -227,7 +227,7 @@ BANDWIDTHS = tuple(tenths / 10.0 for tenths in range(1, 201))
 PLANNED = Margins(1.4, radians(33.0), 0.02)
 ASKED = Margins(2.0, radians(30.0), 0.02)
 LEAST = Margins(1.4, radians(15.0), 0.005)
-_ROUNDED = 0.97
+_ROUNDED_SHARE = 0.97
 """The share of a margin that is left if gains are rounded to three digits."""
 
 
@@ -280,7 +280,7 @@ def completed(outer: OuterLoop, given: DesignedGains, inner: InnerLoop | None) -
 def asked_of(outer: OuterLoop, inner: InnerLoop) -> Margins:
     """Return the margins that gains set by a mission should leave on this loop."""
     best = margins_of(outer.with_gains(*designed(outer, inner)), inner)
-    return ASKED._replace(gain=max(PLANNED.gain, min(ASKED.gain, _ROUNDED * best.gain)))
+    return ASKED._replace(gain=max(PLANNED.gain, min(ASKED.gain, _ROUNDED_SHARE * best.gain)))
 
 
 def quickest_observer(outer: OuterLoop, inner: InnerLoop, bound: Margins = PLANNED) -> float:

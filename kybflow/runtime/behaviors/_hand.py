@@ -5,13 +5,13 @@ from __future__ import annotations
 from kybflow.core.signals import NS, Tick, Time
 from kybflow.parts import AXES, Entry
 
-_HELD = 1.5
+_HELD_TICKS = 1.5
 """Ticks between two updates from which on the vehicle counts as having been held in between."""
 
 
 def was_held(last: Time, tick: Tick) -> bool:
     """Return whether the vehicle was held between its update at `last` and this one."""
-    return (tick.now - last) / NS > _HELD * tick.dt
+    return (tick.now - last) / NS > _HELD_TICKS * tick.dt
 
 
 class Hand:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from kybflow.core.geometry import ZERO, Vec3, add, distance, heading_of, scale
 from kybflow.core.signals import NS, NeighbourState, Tick
 
-_BESIDE = 0.3
+_FOLLOWING_DISTANCE = 0.3
 """Largest distance (m) of a vehicle from its setpoint at which it counts as following it."""
 
 
@@ -54,7 +54,7 @@ def _now(news: NeighbourState, age: float) -> Leading:
     position, velocity = estimate.position, estimate.velocity
     acceleration, heading, rate = ZERO, heading_of(estimate.attitude), 0.0
     if wanted is not None and wanted.position is not None and wanted.velocity is not None:
-        if distance(wanted.position, position) < _BESIDE:
+        if distance(wanted.position, position) < _FOLLOWING_DISTANCE:
             position, velocity = wanted.position, wanted.velocity
             acceleration = wanted.acceleration or ZERO
         if wanted.heading is not None:

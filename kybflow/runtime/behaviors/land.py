@@ -47,21 +47,21 @@ from kybflow.flight.motion import (
 )
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, Footprint, param, params
 
-_STILL = 0.015
-_AVERAGED, _LEVEL, _LONGER = 1.0, 0.05, 4.0
+_STILL_HEIGHT = 0.015
+_AVERAGING_S, _LEVEL_HEIGHT, _DWELL_FACTOR = 1.0, 0.05, 4.0
 """For a noisy height: the averaging time (s), by how much the average may move (m), and for how
 many times `dwell` it must stay within that."""
-_LOWER = 0.1
+_PROGRESS_HEIGHT = 0.1
 """Distance (m) by which the average must fall to count as progress."""
-_DEPTH = 0.05
-_LEASH = 0.3
-_LOOKS = 0.1
+_SETPOINT_DEPTH = 0.05
+_HEIGHT_LEASH = 0.3
+_LOOK_PERIOD_S = 0.1
 """Seconds between two checks for vehicles below, which are costly when a whole fleet lands."""
-_ABOVE = 0.5
+_ABOVE_TIME_S = 0.5
 """Seconds for which the vehicle must be above the point before it descends."""
 
 
-_HEARD = 0.3
+_FRESH_S = 0.3
 """Seconds without new measurements after which a constant height doesn't prove that the vehicle is
 on the ground."""
 
@@ -127,7 +127,7 @@ class Land(
         if self._grounded:
             return Done(IDLE)
         p, estimate = self.params, tick.known()
-        own, heard = estimate.position, min(tick.link_age, estimate.age) <= _HEARD
+        own, heard = estimate.position, min(tick.link_age, estimate.age) <= _FRESH_S
         if self._descends and heard and self._has_stopped(own[2], tick.dt):
             return Done(IDLE)
         below = self._below(tick, own)
@@ -135,7 +135,7 @@ class Land(
         if goal is not None:
             gap = hypot(own[0] - goal[0], own[1] - goal[1])
         if not self._descends and tick.elapsed >= self._arrival:
-            self._descends = self._above.reached(gap <= p.tolerance, _ABOVE, tick.dt)
+            self._descends = self._above.reached(gap <= p.tolerance, _ABOVE_TIME_S, tick.dt)
         waits = below is not None or not self._descends
         if self._descends and gap > 2.0 * p.tolerance and self._waited < p.patience:
             self._waited += tick.dt
@@ -158,7 +158,7 @@ class Land(
         """Return the name of a vehicle below this one, or None. Without a `position`, choose a new
         goal beside that vehicle."""
         if tick.elapsed >= self._look:
-            self._look = tick.elapsed + _LOOKS
+            self._look = tick.elapsed + _LOOK_PERIOD_S
             self._under = vehicle_below(self._context, own, tick.fleet)
             self.waits_for = None if self._under is None else f"`{self._under}` is below"
         below = self._under
@@ -194,18 +194,18 @@ class Land(
 
     def _has_stopped(self, own: float, dt: float) -> bool:
         """Return whether the height, or its average, has stayed where it is for long enough."""
-        stays = abs(own - self._resting) <= _STILL and own - self._height >= _DEPTH
+        stays = abs(own - self._resting) <= _STILL_HEIGHT and own - self._height >= _SETPOINT_DEPTH
         if not stays:
             self._resting = own
         stopped = self._stopped.reached(stays, self.params.dwell, dt)
-        self._average += (own - self._average) * dt / (_AVERAGED + dt)
-        if self._average < self._lowest - _LOWER:
+        self._average += (own - self._average) * dt / (_AVERAGING_S + dt)
+        if self._average < self._lowest - _PROGRESS_HEIGHT:
             self._lowest, self._stalled = self._average, 0.0
-        deep = self._average - self._height >= _DEPTH
-        stays = abs(self._average - self._level) <= _LEVEL and deep
+        deep = self._average - self._height >= _SETPOINT_DEPTH
+        stays = abs(self._average - self._level) <= _LEVEL_HEIGHT and deep
         if not stays:
             self._level = self._average
-        return self._settled.reached(stays, _LONGER * self.params.dwell, dt) or stopped
+        return self._settled.reached(stays, _DWELL_FACTOR * self.params.dwell, dt) or stopped
 
     def _descend(self, dt: float, own: float, waits: bool) -> float:
         """Lower the setpoint by one tick, or slow it to a stop if the descent `waits`. Return its
@@ -219,8 +219,8 @@ class Land(
         climb = self._climb + min(max(wanted - self._climb, -step), step)
         pull = (climb - self._climb) / dt if dt > 0.0 else 0.0
         lower = self._height + 0.5 * (self._climb + climb) * dt
-        lower = lower if waits else min(lower, own + _LEASH)
-        self._height, self._climb = max(lower, own - _LEASH), climb
+        lower = lower if waits else min(lower, own + _HEIGHT_LEASH)
+        self._height, self._climb = max(lower, own - _HEIGHT_LEASH), climb
         return pull
 
     @classmethod
@@ -236,7 +236,7 @@ class Land(
         above = (at[0], at[1], entry[2])
         points = (entry, above, at)
         way = Profile.within(distance(entry, above), params.approach, params.acceleration)
-        duration = way.duration + _ABOVE + _least_descent(params, entry[2] - at[2])
+        duration = way.duration + _ABOVE_TIME_S + _least_descent(params, entry[2] - at[2])
         return Footprint(points, speed, at, path=points, duration=duration)
 
 

@@ -57,13 +57,13 @@ from kybflow.flight.motion import IDLE
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, param, params
 from kybflow.world.ground import height_in_the_air
 
-_ARREST = 0.8
-_MOST = 0.3
-_LONGEST = 0.25
+_ARREST_TIME_S = 0.8
+_MAX_KICK = 0.3
+_MAX_SAMPLE_S = 0.25
 """Longest interval (s) of one IMU sample."""
-_SILENT = NS // 10
+_IMU_TIMEOUT_NS = NS // 10
 """Time without an IMU sample after which the descent continues in open loop."""
-_UNHEARD = 0.25
+_LINK_TIMEOUT_S = 0.25
 """Seconds without a message from the vehicle after which its own watchdog must land it."""
 
 
@@ -101,7 +101,7 @@ class LandBlind(
         self._hover = entry.hover_thrust
         self._most = entry.context.airframe.max_thrust
         climb = entry.motion.velocity[2]
-        self._kick = min(max(-2.0 * climb / (GRAVITY * _ARREST), -_MOST), _MOST)
+        self._kick = min(max(-2.0 * climb / (GRAVITY * _ARREST_TIME_S), -_MAX_KICK), _MAX_KICK)
         self._descent: Descent | None = Descent(self._hover, self._most, climb, entry.resting_force)
         self._heard: Time = entry.now
         self._last: Imu | None = None
@@ -114,14 +114,14 @@ class LandBlind(
             known = tick.estimate
             if known is None or height_in_the_air(self._context, known, ()) <= 0.0:
                 return Done(IDLE)
-        self.lets_go = self._descent is None and tick.link_age > _UNHEARD
+        self.lets_go = self._descent is None and tick.link_age > _LINK_TIMEOUT_S
         self.waits_for = "its own watchdog, as nothing is heard of it" if self.lets_go else None
         thrust = self._felt
         if thrust is None:
             p, time = self.params, tick.elapsed
             share = 1.0 - (1.0 - p.share) * min(time / p.settle, 1.0)
             share = share - p.fade * max(time - p.settle, 0.0)
-            thrust = self._hover * (share + self._kick * max(1.0 - time / _ARREST, 0.0))
+            thrust = self._hover * (share + self._kick * max(1.0 - time / _ARREST_TIME_S, 0.0))
         return Command(LEVEL, min(max(thrust, 0.0), self._most), ZERO, None)
 
     def _landed(self, descent: Descent, tick: Tick) -> bool:
@@ -131,10 +131,10 @@ class LandBlind(
         if imu is not None and imu.time > self._heard:
             total = sum(imu.specific_force)  # noise makes each sample differ from the last one
             stuck = last is not None and last.specific_force == imu.specific_force
-            if total - total == 0.0 and 0.0 < imu.dt < _LONGEST and not stuck:
+            if total - total == 0.0 and 0.0 < imu.dt < _MAX_SAMPLE_S and not stuck:
                 self._heard, self._last = imu.time, imu
                 self._felt = descent.step(imu.specific_force[2], imu.dt)
                 return self._felt is None
-        if tick.now - self._heard > _SILENT:
+        if tick.now - self._heard > _IMU_TIMEOUT_NS:
             self._descent, self._felt, self._hover = None, None, descent.hover
         return False

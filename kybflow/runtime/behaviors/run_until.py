@@ -27,7 +27,7 @@ from kybflow.core.errors import Refused
 from kybflow.core.geometry import Vec3, add, dot, norm, scale, sub
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Duration, Length, Velocity
-from kybflow.flight.motion import STEEPEST, Coast, Profile, smoothstep
+from kybflow.flight.motion import MAX_SLOPE, Coast, Profile, smoothstep
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
 
@@ -61,8 +61,8 @@ class RunUntil(Behavior[RunUntilParams], flight=AIR >> AIR, emits=SetpointKind.V
         plan = Profile.within(params.at_most, entry.cruise_speed(asked), params.acceleration)
         self._speed = plan.speed
         if params.for_time is not None:
-            self._speed = min(self._speed, 0.5 * params.for_time * params.acceleration / STEEPEST)
-        self._ramp = STEEPEST * self._speed / params.acceleration
+            self._speed = min(self._speed, 0.5 * params.for_time * params.acceleration / MAX_SLOPE)
+        self._ramp = MAX_SLOPE * self._speed / params.acceleration
         self._end = self._ramp + params.at_most / self._speed
         self._slowing: float | None = None
         self._peak = self._speed
@@ -92,11 +92,11 @@ class RunUntil(Behavior[RunUntilParams], flight=AIR >> AIR, emits=SetpointKind.V
 
     @property
     def _slowing_time(self) -> float:
-        return STEEPEST * self._peak / self.params.acceleration
+        return MAX_SLOPE * self._peak / self.params.acceleration
 
     def _must_slow(self, time: float, gone: float) -> bool:
         speed, *_ = self._rising(time)
-        takes = STEEPEST * speed / self.params.acceleration
+        takes = MAX_SLOPE * speed / self.params.acceleration
         if gone >= self.params.at_most - 0.5 * speed * takes:
             return True
         over = self.params.for_time

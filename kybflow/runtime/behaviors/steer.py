@@ -43,11 +43,11 @@ from kybflow.parts.behavior import SPEED_SHARE
 from kybflow.runtime.behaviors._hand import Hand
 from kybflow.world.shapes import Box
 
-_HARD = 2.5
+_MAX_ACCELERATION = 2.5
 """The largest acceleration (m/s^2) with which the setpoint is kept away from obstacles."""
-_TURNING = 4.0
+_TURN_ACCELERATION = 4.0
 """The largest angular acceleration of the heading, rad/s^2."""
-_FELT = 0.5
+_FELT_DISTANCE = 0.5
 """Distance (m) below which the hand feels an obstacle."""
 
 
@@ -104,11 +104,11 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         surfaces = tuple(self._surfaces(tick))
         asked = bounded((*level, rise), surfaces)
         self._let_feel(x, y, z, surfaces, tick)
-        change = shortened(sub(asked, before), _HARD * dt)
+        change = shortened(sub(asked, before), _MAX_ACCELERATION * dt)
         self._velocity = velocity = add(before, change)
         mean = scale(add(before, velocity), 0.5 * dt)
         self._position = add(self._position, mean)
-        self._rate = _towards(self._rate, turn * p.turn_rate, _TURNING * dt)
+        self._rate = _towards(self._rate, turn * p.turn_rate, _TURN_ACCELERATION * dt)
         self._heading = wrap(self._heading + self._rate * dt)
         acceleration = scale(change, 1.0 / dt) if dt > 0.0 else ZERO
         motion = Motion(self._position, velocity, acceleration)
@@ -129,8 +129,8 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         velocity = tick.known().velocity
         out = ZERO
         for room, normal in surfaces:
-            if room < _FELT:
-                out = add(out, scale(normal, 1.0 - max(room, 0.0) / _FELT))
+            if room < _FELT_DISTANCE:
+                out = add(out, scale(normal, 1.0 - max(room, 0.0) / _FELT_DISTANCE))
         (vx, vy, vz), (ox, oy, oz) = velocity, out
         self.push = (
             (c * vx + s * vy) / p.speed - x + c * ox + s * oy,

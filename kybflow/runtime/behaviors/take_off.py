@@ -19,10 +19,10 @@ from kybflow.core.units import Acceleration, Duration, Length, Speed, Vec3
 from kybflow.flight.motion import Dwell, Profile
 from kybflow.parts import AIR, GROUND, Behavior, Entry, Footprint, param, params
 
-_LEASH, _AHEAD = 0.3, 0.1
-_SETTLED = 0.15
+_HEIGHT_LEASH, _LEAD_HEIGHT = 0.3, 0.1
+_SETTLED_SHARE = 0.15
 """The fraction of `tolerance` by which a settled height may move."""
-_LEAP = 0.02
+_LEAP_S = 0.02
 """Step (s) by which the profile advances towards the height of a vehicle that is ahead of it."""
 
 
@@ -57,9 +57,9 @@ class TakeOff(Behavior[TakeOffParams], flight=GROUND >> AIR, emits=SetpointKind.
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
         p, profile = self.params, self._profile
         climbed = tick.known().position[2] - self._ground[2]
-        while self._progress[0] < climbed - _AHEAD and self._time < profile.duration:
-            self._reach(self._time + _LEAP)
-        waits = self._progress[0] - climbed > _LEASH
+        while self._progress[0] < climbed - _LEAD_HEIGHT and self._time < profile.duration:
+            self._reach(self._time + _LEAP_S)
+        waits = self._progress[0] - climbed > _HEIGHT_LEASH
         if not waits:
             self._reach(min(self._time + tick.dt, profile.duration))
         height, speed, acceleration, jerk = self._progress
@@ -70,7 +70,7 @@ class TakeOff(Behavior[TakeOffParams], flight=GROUND >> AIR, emits=SetpointKind.
             SetpointKind.POSITION, (x, y, z + height), (0.0, 0.0, speed), (0.0, 0.0, acceleration),
             (0.0, 0.0, jerk), self._heading,
         )  # fmt: skip
-        stays = abs(climbed - self._resting) <= _SETTLED * p.tolerance
+        stays = abs(climbed - self._resting) <= _SETTLED_SHARE * p.tolerance
         if not stays:
             self._resting = climbed
         near = stays and abs(climbed - p.height) <= p.tolerance

@@ -24,8 +24,8 @@ from kybflow.flight.motion import Coast, Motion
 from kybflow.flight.trajectory import Knot, Quintic
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
-_MOST = 2000
-_QUICKEST = 1.05
+_MOST_POINTS = 2000
+_SPEED_FACTOR = 1.05
 """Largest mean speed to a point, as a multiple of the airframe's speed."""
 
 
@@ -69,7 +69,7 @@ class TrajectoryInput(
             return f"it is not later than the last point, of {self._points[-1].time:.3f} s"
         if point.time <= now:
             return f"it is stale: it is {now:.3f} s already"
-        if point.time > now + self.params.horizon or len(self._points) >= _MOST:
+        if point.time > now + self.params.horizon or len(self._points) >= _MOST_POINTS:
             return f"it is {point.time - now:.1f} s ahead, {self.params.horizon:g} s are allowed"
         fence = self._context.fence
         if fence is not None and (outside := fence.outside_by(point.position)) > 0.0:
@@ -77,7 +77,7 @@ class TrajectoryInput(
         start, since = (self._before.position, now) if before is None else (before[1], before.time)
         speed = distance(start, point.position) / max(point.time - since, 1e-6)
         most = self._context.airframe.speed
-        fastest = max(speed / _QUICKEST, norm(point.velocity))
+        fastest = max(speed / _SPEED_FACTOR, norm(point.velocity))
         if fastest > most:
             return f"it needs {max(speed, norm(point.velocity)):.2f} m/s, {most:g} are allowed"
         return None

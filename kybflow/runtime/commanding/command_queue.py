@@ -9,7 +9,15 @@ from threading import Lock
 from typing import NamedTuple
 
 from kybflow.core.signals import NS, Time
-from kybflow.runtime.commanding.orders import LONGEST, SCHEDULE, Answer, Order, named, parse, text
+from kybflow.runtime.commanding.orders import (
+    MOST_LETTERS,
+    SCHEDULE,
+    Answer,
+    Order,
+    named,
+    parse,
+    text,
+)
 from kybflow.runtime.commanding.situation import Situation
 
 OVER = "the run is over"
@@ -100,7 +108,9 @@ class CommandQueue:
         if by == SCHEDULE:
             answered(Answer(False, f"nobody may be called `{SCHEDULE}`"))
         elif not (_is_line(by) and _is_line(text(order))):
-            answered(Answer(False, f"a command is one line of at most {LONGEST} printed letters"))
+            answered(
+                Answer(False, f"a command is one line of at most {MOST_LETTERS} printed letters")
+            )
         elif not self._put(GivenCommand(order, by, take, answered)):
             busy = f"{MOST_WAITING} commands wait already"
             answered(Answer(False, OVER if self._closed else busy))
@@ -149,4 +159,4 @@ class CommandQueue:
 
 def _is_line(words: str) -> bool:
     """Return whether a text is printable and short enough to be recorded as one line."""
-    return len(words) <= LONGEST and words.isprintable()
+    return len(words) <= MOST_LETTERS and words.isprintable()

@@ -32,7 +32,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.dsl.plan import Emit, Enable, EnterPhase, Perform, SetOption, Stop, Switch
 
 PREFIX = "operator."
-LONGEST = 1000
+MOST_LETTERS = 1000
 """Largest number of characters of a command."""
 
 
@@ -141,8 +141,8 @@ def text(order: Order) -> str:
 def parse(words: str) -> Order:
     """Return the command that `words` spell. Raises CommandUnreadable with what is wrong or how the
     command is written."""
-    if len(words) > LONGEST:
-        raise CommandUnreadable(f"a command has at most {LONGEST} letters, not {len(words)}")
+    if len(words) > MOST_LETTERS:
+        raise CommandUnreadable(f"a command has at most {MOST_LETTERS} letters, not {len(words)}")
     command, *rest = words.split() or [""]
     form = _FORMS.get(command)
     if form is None:

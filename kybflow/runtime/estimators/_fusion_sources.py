@@ -13,15 +13,15 @@ from kybflow.core.signals import NS, Frame, Measurement, Pose, Position, Time
 from kybflow.flight.fusion.covariance import Matrix
 from kybflow.flight.fusion.params import FilterParams
 from kybflow.flight.fusion.replay import Belief, Fix
-from kybflow.flight.pose_gate import STEP, TURN
+from kybflow.flight.pose_gate import REACH_STEP, REACH_TURN
 from kybflow.world.cameras import CalibrationErrors
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
     from kybflow.vision.locating.locator import Prediction, Sighting
 
-TIME = 0.25
-GAP = NS // 20
+AVERAGING_S = 0.25
+MAX_GAP_NS = NS // 20
 """The longest time between two successive poses, ns."""
 
 
@@ -34,8 +34,9 @@ class Jitter:
         var(e) = (1 + (1 + r)^2 + r^2) noise^2
 
     at any velocity; an acceleration a adds a t (t + s) / 2, less than 1 mm at 120 Hz. The variance
-    is averaged over `TIME`. A difference that no flight explains is a jump, not noise. After a gap,
-    the measurement starts anew. Motion capture doesn't report its noise (for noise learnt from
+    is averaged over `AVERAGING_S`. A difference that no flight explains is a jump, not noise. After
+    a gap, the measurement starts anew. Motion capture doesn't report its noise (for noise learnt
+    from
     innovations: R. Mehra, "Approaches to adaptive filtering", IEEE TAC 1972).
 
     position, attitude: the variances along and about each axis, m^2 and rad^2.
@@ -54,7 +55,7 @@ class Jitter:
         if last is not None and since <= 0:
             return
         self._last, self._moved = pose, None
-        if last is None or since > GAP:
+        if last is None or since > MAX_GAP_NS:
             return
         w, x, y, z = multiply(conjugate(last.attitude), pose.attitude)
         turned = scale((x, y, z), 2.0 if w >= 0.0 else -2.0)  # the short way round
@@ -62,10 +63,12 @@ class Jitter:
         if before is not None:
             r, dt = since / self._since, since / NS
             off, twist = sub(moved, scale(before[0], r)), sub(turned, scale(before[1], r))
-            share = dt / ((TIME + dt) * (1.0 + (1.0 + r) * (1.0 + r) + r * r))
-            if norm(off) < STEP and norm(twist) < TURN:
-                self.position += share * _mean_square(off) - dt / (TIME + dt) * self.position
-                self.attitude += share * _mean_square(twist) - dt / (TIME + dt) * self.attitude
+            share = dt / ((AVERAGING_S + dt) * (1.0 + (1.0 + r) * (1.0 + r) + r * r))
+            if norm(off) < REACH_STEP and norm(twist) < REACH_TURN:
+                self.position += share * _mean_square(off) - dt / (AVERAGING_S + dt) * self.position
+                self.attitude += (
+                    share * _mean_square(twist) - dt / (AVERAGING_S + dt) * self.attitude
+                )
         self._since = since
 
 
@@ -74,10 +77,10 @@ def _mean_square(v: Vec3) -> float:
     return (x * x + y * y + z * z) / 3.0
 
 
-FARTHEST = 1e5
+MAX_POSITION = 1e5
 """Distance (m) from the origin beyond which a position is invalid."""
 
-CLEARLY = 4.0
+VARIANCE_RATIO = 4.0
 """Least ratio of the measured variance to the declared one at which the measured one is used."""
 
 Read = Callable[[Sequence[Measurement]], list[Fix]]
@@ -114,14 +117,14 @@ class _Poses:
 
     def __init__(self, noise: Matrix) -> None:
         self._noise, self._jitter = noise, Jitter()
-        self._position, self._attitude = CLEARLY * noise[0, 0], CLEARLY * noise[3, 3]
+        self._position, self._attitude = VARIANCE_RATIO * noise[0, 0], VARIANCE_RATIO * noise[3, 3]
 
     def read(self, measured: Measurement) -> Fix | None:
         if not isinstance(measured, Pose):
             return None
         w, x, y, z = measured.attitude
         square = w * w + x * x + y * y + z * z
-        if not 0.9 < square < 1.1 or not norm(measured.position) < FARTHEST:
+        if not 0.9 < square < 1.1 or not norm(measured.position) < MAX_POSITION:
             return None
         n = square**-0.5
         pose = Pose(measured.time, measured.position, (w * n, x * n, y * n, z * n))
@@ -134,7 +137,7 @@ class _Poses:
 
 
 def _position(noise: Matrix, measured: Measurement) -> Fix | None:
-    if not isinstance(measured, Position) or not norm(measured.spread) < FARTHEST:
+    if not isinstance(measured, Position) or not norm(measured.spread) < MAX_POSITION:
         return None
     own: Matrix = numpy.diag(numpy.square(measured.spread))
     return _checked(Fix(measured.time, measured.position, None, own + noise))
@@ -196,4 +199,4 @@ class _Tags:
 
 
 def _checked(fix: Fix) -> Fix | None:
-    return fix if norm(fix.position) < FARTHEST else None
+    return fix if norm(fix.position) < MAX_POSITION else None

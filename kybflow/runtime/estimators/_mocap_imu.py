@@ -24,11 +24,11 @@ from kybflow.core.geometry import (
     sub,
 )
 from kybflow.core.signals import IMU_TIMEOUT, NS, Imu, Time
-from kybflow.flight.force_estimates import SHAKEN
+from kybflow.flight.force_estimates import SHAKING_RATE
 
-EVERY = 4
+POSES_PER_READING = 4
 """Poses between two readings of the sums."""
-KEPT = 64
+KEPT_SAMPLES = 64
 """Number of samples that are kept."""
 
 
@@ -51,7 +51,7 @@ class ImuSums:
 
     def __init__(self, delay: float) -> None:
         self._behind = round(delay * NS)
-        self._sums = deque([ImuSum(0, ZERO, ZERO, 0.0, ZERO, ZERO)], KEPT)
+        self._sums = deque([ImuSum(0, ZERO, ZERO, 0.0, ZERO, ZERO)], KEPT_SAMPLES)
 
     def take(self, imu: Imu) -> None:
         """Add another sample."""
@@ -83,13 +83,13 @@ def _added(before: ImuSum, time: Time, dt: float, rates: Vec3, force: Vec3) -> I
 
 LARGEST_ANGLE = 0.05
 """The largest angle about each axis, rad; a larger one would be noticed at setup."""
-FIRST = 0.5
+MIN_AVERAGING_S = 0.5
 """Least averaging time, seconds, so that the first sample doesn't count fully."""
-LARGEST = 1.0
+MAX_PUSH = 1.0
 """The largest plausible disturbance along an axis, m/s^2."""
-HARD = 0.5 * GRAVITY
+TOUCH_FORCE = 0.5 * GRAVITY
 """A mean specific force that differs more from gravity is due to a touch or a fall, m/s^2."""
-LONGEST = 0.2
+MAX_GAP_S = 0.2
 """Longest time (s) between two updates; after a longer one, poses were lost."""
 
 
@@ -122,7 +122,7 @@ class FeltForce:
     def __init__(self, memory: float, sums: ImuSums) -> None:
         self.turned: Quat = LEVEL
         self.pushed = (0.0, 0.0)
-        self._memory, self._elapsed, self._sums = memory, FIRST, sums
+        self._memory, self._elapsed, self._sums = memory, MIN_AVERAGING_S, sums
         self._angles = (0.0, 0.0)
         self._poses, self._slopes = 0, (0.0, 0.0)
         self._since, self._velocity = sums.until(0), ZERO
@@ -135,7 +135,7 @@ class FeltForce:
         gx, gy = slope
         hx, hy = self._slopes
         self._poses, self._slopes = self._poses + 1, (gx + hx, gy + hy)
-        if self._poses < EVERY:
+        if self._poses < POSES_PER_READING:
             return
         gx, gy = self._slopes
         self._slopes = 0.0, 0.0
@@ -144,13 +144,13 @@ class FeltForce:
         now, since = self._sums.until(time), self._since
         self._poses, self._since, self._velocity = 0, now, velocity
         seconds, felt = (time - since.time) / NS, now.seconds - since.seconds
-        if seconds > LONGEST or not 0.5 * seconds < felt < 2.0 * seconds:
+        if seconds > MAX_GAP_S or not 0.5 * seconds < felt < 2.0 * seconds:
             return
         total = sub(now.gained, since.gained)
         ax, ay, az = (vx - ux) / seconds, (vy - uy) / seconds, (vz - uz) / seconds
         ex, ey, ez = rotate_back(attitude, (ax, ay, az + GRAVITY))
         force = fx, fy, fz = total[0] / felt, total[1] / felt, total[2] / felt
-        if abs(fz - GRAVITY) < HARD and abs(ez - GRAVITY) < HARD:
+        if abs(fz - GRAVITY) < TOUCH_FORCE and abs(ez - GRAVITY) < TOUCH_FORCE:
             self._elapsed = min(self._elapsed + seconds, self._memory)
             share = min(1.0, seconds / self._elapsed)
             tx, ty = self._angles
@@ -159,23 +159,23 @@ class FeltForce:
             self._angles, self.turned = (tx, ty), integrate(LEVEL, (tx, ty, 0.0), 1.0)
             px, py, _ = rotate(attitude, force)
             rx, ry, _ = rates
-            calm = 1.0 + (rx * rx + ry * ry) / (SHAKEN * SHAKEN)
-            px, py = (px - gx / EVERY) / calm, (py - gy / EVERY) / calm
-            self.pushed = _within(px, LARGEST), _within(py, LARGEST)
+            calm = 1.0 + (rx * rx + ry * ry) / (SHAKING_RATE * SHAKING_RATE)
+            px, py = (px - gx / POSES_PER_READING) / calm, (py - gy / POSES_PER_READING) / calm
+            self.pushed = _within(px, MAX_PUSH), _within(py, MAX_PUSH)
 
 
 def _within(value: float, most: float) -> float:
     return most if value > most else -most if value < -most else value
 
 
-FOLLOWING = 1.0
+FOLLOWING_RATE = 1.0
 """K, 1/s."""
-SURE = 0.2
+POSE_VARIANCE = 0.2
 """(rad/s)^2: the error of a pose's attitude over a likely offset, 0.1 degrees over 4 ms,
 squared."""
 LARGEST_OFFSET = 0.02
 """The largest offset, s."""
-ASTRAY = 0.1
+RESTART_ANGLE = 0.1
 """A difference from the integrated attitude that is larger than this (rad) restarts the
 integration."""
 
@@ -191,9 +191,9 @@ class StampOffset:
         e = h(constant - offset w) + noise,    h: the high-pass s / (s + K),
 
     where the constant contains the body's rotation and the gyroscope's drift. Least squares over a
-    memory, with a prior of zero weighted by `SURE`, gives
+    memory, with a prior of zero weighted by `POSE_VARIANCE`, gives
 
-        offset = -sum(e . h(w)) / (sum(h(w)^2) + SURE)
+        offset = -sum(e . h(w)) / (sum(h(w)^2) + POSE_VARIANCE)
 
     (the offset between a camera's and an IMU's clock is found in the same way by Furgale, Rehder
     and Siegwart, Unified temporal and spatial calibration for multi-sensor systems, IROS 2013, and
@@ -215,7 +215,7 @@ class StampOffset:
     def look(self, time: Time, seen: Quat) -> None:
         """Learn from the attitude of a new pose. time: its uncorrected stamp."""
         self._poses += 1
-        if self._poses < EVERY:
+        if self._poses < POSES_PER_READING:
             return
         self._poses, dt, self._last = 0, (time - self._last) / NS, time
         felt = self._sums.until(time)
@@ -224,17 +224,17 @@ class StampOffset:
         w, x, y, z = multiply(conjugate(believed), seen)
         two = 2.0 if w > 0.0 else -2.0
         error = ex, ey, ez = two * x, two * y, two * z
-        if dt * NS >= IMU_TIMEOUT or max(map(abs, error)) > ASTRAY:
+        if dt * NS >= IMU_TIMEOUT or max(map(abs, error)) > RESTART_ANGLE:
             self._attitude, self._slow = seen, rates
             return
-        share = FOLLOWING * dt
+        share = FOLLOWING_RATE * dt
         self._attitude = integrate(believed, error, share)
         self._slow = add(scale(self._slow, 1.0 - share), scale(rates, share))
         hx, hy, hz = sub(rates, self._slow)
         fades = 1.0 - dt / (self._memory + dt)
         self._product = fades * self._product + ex * hx + ey * hy + ez * hz
         self._square = fades * self._square + hx * hx + hy * hy + hz * hz
-        offset = -self._product / (self._square + SURE)
+        offset = -self._product / (self._square + POSE_VARIANCE)
         self.seconds = (
             LARGEST_OFFSET
             if offset > LARGEST_OFFSET

@@ -43,13 +43,13 @@ from kybflow.world.vehicle_context import VehicleContext
 
 LONGEST_LEAP = 0.5
 """Seconds without another estimate after which the state is set to the next one."""
-FARTHEST, SURE = 0.15, 3.0
-"""The followed estimate has jumped if it is off by more than `FARTHEST` metres plus `SURE` times
-its spread. Following a jump would change the velocity."""
-NOISY, SHAKY = 0.01, 0.01
+JUMP_DISTANCE, JUMP_SIGMAS = 0.15, 3.0
+"""The followed estimate has jumped if it is off by more than `JUMP_DISTANCE` metres plus
+`JUMP_SIGMAS` times its spread. Following a jump would change the velocity."""
+NOISY_SPREAD, SHAKY_ANGLE = 0.01, 0.01
 """The spread (m) of the followed estimate, and the shaking (rad) of its attitude about an axis, at
 which the gains are halved."""
-SHAKES = 0.25
+SHAKING_TIME_S = 0.25
 """Averaging time of the shaking, s."""
 MOST_ACCELERATION, MOST_TURN = 1.0, 0.1
 """Bounds of the biases, m/s^2 and rad/s, along each axis."""
@@ -127,12 +127,12 @@ class Inertial(Estimator[InertialParams]):
         self._anchor_spread = estimate.spread
         dt = (seen - last) / NS if last is not None else LONGEST_LEAP
         off = dist(estimate.position, self._position)
-        if dt >= LONGEST_LEAP or off > FARTHEST + SURE * estimate.spread:
+        if dt >= LONGEST_LEAP or off > JUMP_DISTANCE + JUMP_SIGMAS * estimate.spread:
             self._position, self._velocity = estimate.position, estimate.velocity
             if last is None:
                 self._attitude = estimate.attitude
         elif dt > 0.0:
-            share = estimate.spread / NOISY
+            share = estimate.spread / NOISY_SPREAD
             self._follow(estimate, 2.0 * pi * self.params.bandwidth / (1.0 + share * share), dt)
             self._anchor_spread = hypot(estimate.spread, off)
 
@@ -185,8 +185,8 @@ class Inertial(Estimator[InertialParams]):
         tx, ty, tz = self._turned
         self._turned = (dx, dy, dz)
         shook = ((dx - tx) ** 2 + (dy - ty) ** 2 + (dz - tz) ** 2) / 6.0
-        self._shake += (shook - self._shake) * dt / (SHAKES + dt)
-        k /= 1.0 + self._shake / (SHAKY * SHAKY)
+        self._shake += (shook - self._shake) * dt / (SHAKING_TIME_S + dt)
+        k /= 1.0 + self._shake / (SHAKY_ANGLE * SHAKY_ANGLE)
         self._attitude = integrate(self._attitude, (dx, dy, dz), min(2.0 * k * dt, 1.0))
         s = -k * k * dt
         self._gyro_bias = _within(self._gyro_bias, (s * dx, s * dy, s * dz), MOST_TURN)

@@ -33,12 +33,12 @@ from kybflow.flight.pose_gate import (
     is_same,
     seen_from,
 )
-from kybflow.flight.tracked_pose import CALM, TrackedParams, TrackedPose
+from kybflow.flight.tracked_pose import NO_PUSH, TrackedParams, TrackedPose
 from kybflow.parts import Estimator, param, params
 from kybflow.runtime.estimators._mocap_imu import FeltForce, ImuSums, StampOffset
 from kybflow.world.vehicle_context import VehicleContext
 
-COARSEST = 0.0125
+MAX_SAMPLE_S = 0.0125
 """Longest interval (s) of usable IMU samples. Autopilots send instantaneous samples, 25 times a
 second unless a tracker requests more, and their integral is late by half of that interval."""
 
@@ -89,7 +89,7 @@ class Mocap(Estimator[MocapParams]):
             if isinstance(measurement, Pose):
                 if _is_sound(measurement):
                     self._take(measurement)
-            elif isinstance(measurement, Imu) and measurement.dt <= COARSEST:
+            elif isinstance(measurement, Imu) and measurement.dt <= MAX_SAMPLE_S:
                 self._sums.take(measurement)
         estimate = self._track.estimate(now, "mocap")
         self._known = self._known or estimate is not None
@@ -106,7 +106,7 @@ class Mocap(Estimator[MocapParams]):
             return
         flown = gate.current(time)
         velocity = ZERO if flown is None else flown.velocity
-        pushed = CALM if force is None else force.pushed
+        pushed = NO_PUSH if force is None else force.pushed
         if track.count == 0 or (flown is None and self._is_near(pose, dt)):
             track.take(pose, velocity, pushed)
             if gate.refusal is not None:

@@ -45,9 +45,9 @@ if TYPE_CHECKING:
     from kybflow.vision.locating.locate import Located
     from kybflow.vision.locating.locator import Prediction
 
-SURE = 3
+AGREEING_TAGS = 3
 """Number of tags that must agree on a pose for it to need no other evidence."""
-PLACE, TURN, UNKNOWN_RATE = 0.01, 0.01, 0.5
+POSITION_SPREAD, ATTITUDE_SPREAD, UNKNOWN_RATE = 0.01, 0.01, 0.5
 """Initial standard deviations of a prediction's position (m) and attitude (rad), and the standard
 deviation of its rates (rad/s), with which that of the attitude grows."""
 START_PLACE, START_TURN = 0.05, 0.05
@@ -101,7 +101,7 @@ class TagCamera(Estimator[TagCameraParams]):
         if located is None:
             return
         pose = Pose(time, located.position, located.attitude)
-        velocity = self._velocity(pose, t, len(located.used) >= SURE)
+        velocity = self._velocity(pose, t, len(located.used) >= AGREEING_TAGS)
         self.refusal = self._gate.refusal
         if velocity is not None:
             self._spread = self._spread_of(located, prediction)
@@ -151,6 +151,6 @@ class TagCamera(Estimator[TagCameraParams]):
             motion.position,
             motion.attitude,
             BodyMotion(motion.velocity, motion.angular_velocity, UNKNOWN_RATE),
-            PLACE + track.spread + 0.5 * ACCELERATION * t * t,
-            TURN + UNKNOWN_RATE * t,
+            POSITION_SPREAD + track.spread + 0.5 * ACCELERATION * t * t,
+            ATTITUDE_SPREAD + UNKNOWN_RATE * t,
         )

@@ -14,7 +14,7 @@ from typing import Any
 
 from kybflow.core.signals import NS, Answer, NeighbourState, Time
 
-_KEPT = NS // 2
+_HISTORY_NS = NS // 2
 
 
 class Broadcasts:
@@ -29,7 +29,7 @@ class Broadcasts:
         """Keep a message that a vehicle publishes."""
         kept = self._kept.setdefault(vehicle, deque())
         kept.append(news)
-        while len(kept) > 1 and kept[1].time < news.time - _KEPT:
+        while len(kept) > 1 and kept[1].time < news.time - _HISTORY_NS:
             kept.popleft()
         if self._found:
             self._found.clear()

@@ -17,11 +17,11 @@ from kybflow.parts.link import ReportsTouches, Touch
 from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.vehicle import Vehicle
 
-HARD = 1.5
+HARD_TOUCH_DOWN = 1.5
 """The sink rate (m/s) above which a touch-down is too hard."""
-_STILL = 0.001
+_REST_DISTANCE = 0.001
 """Largest distance (m) that a payload at rest moves between two steps."""
-_STEPS = 10
+_REST_STEPS = 10
 """Number of consecutive steps in which a payload must be at rest."""
 
 
@@ -58,7 +58,7 @@ class Impacts:
             return
         truth = vehicle.truth
         speed = 0.0 if truth is None else -truth.velocity[2]
-        if speed > HARD:
+        if speed > HARD_TOUCH_DOWN:
             self.first = self.first or f"`{name}` landed hard ({speed:.2f} m/s) on `{into}`"
             self._events.emit(LandedHard(onto=into, speed=speed), name)
 
@@ -87,9 +87,9 @@ class _PayloadDrop:
         if place is None or self._vehicle.knowledge.payload.state is not PayloadState.RELEASED:
             self._last, self._still = None, 0
             return
-        rests = self._last is not None and distance(place, self._last) < _STILL
+        rests = self._last is not None and distance(place, self._last) < _REST_DISTANCE
         self._still = self._still + 1 if rests else 0
         self._last = place
-        if self._still == _STEPS:
+        if self._still == _REST_STEPS:
             x, y, z = place
             self._events.emit(PayloadRested(x=x, y=y, z=z), self._vehicle.name)

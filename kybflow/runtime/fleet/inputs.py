@@ -32,7 +32,7 @@ from kybflow.runtime.events import Events
 if TYPE_CHECKING:
     from kybflow.runtime.vehicle.vehicle import Vehicle
 
-RECOVERED: Time = NS // 2
+RECOVERY_TIME_NS: Time = NS // 2
 """How long a lost input must be free of problems before it is used again."""
 _NOTHING: frozenset[str] = frozenset()
 _SILENT = (None, _NOTHING)
@@ -143,7 +143,7 @@ class _Input:
             self.trouble = (self._reported and self.trouble) or trouble
         else:
             self._well = now if self._well is None else self._well
-            if not self._reported or now - self._well >= RECOVERED:
+            if not self._reported or now - self._well >= RECOVERY_TIME_NS:
                 self.trouble = None
         if flying and (self.trouble is not None) != self._reported:
             self._report()

@@ -20,13 +20,13 @@ from kybflow.core.signals import NS, Measurement, Pose, SeenObstacle, Time
 from kybflow.parts import Stream
 from kybflow.parts.events import ObstacleFound, ObstacleLost
 from kybflow.runtime.events import Events
-from kybflow.runtime.monitoring.bodies import STILL, WAVERS
-from kybflow.runtime.monitoring.sensing import AHEAD
+from kybflow.runtime.monitoring.bodies import STILL_DISTANCE, WAVERING_POSES
+from kybflow.runtime.monitoring.sensing import MAX_LEAD_NS
 from kybflow.world.shapes import MovingSphere
 
-LOST: Time = NS // 2
+UNSEEN_NS: Time = NS // 2
 """How long an obstacle may be unseen before it is lost."""
-_OVER: Time = NS // 20
+_VELOCITY_SPAN_NS: Time = NS // 20
 
 
 class MovingObstacles:
@@ -50,16 +50,18 @@ class MovingObstacles:
                 if name in self._lost:
                     self._lost.discard(name)
                     self._events.emit(ObstacleFound(obstacle=name))
-            elif name in self.seen and name not in self._lost and self._unseen(name, now) > LOST:
+            elif (
+                name in self.seen and name not in self._lost and self._unseen(name, now) > UNSEEN_NS
+            ):
                 self._lost.add(name)
-                reason = _because(f"not seen for {LOST / NS:g} s", watched.trouble())
+                reason = _because(f"not seen for {UNSEEN_NS / NS:g} s", watched.trouble())
                 self._events.emit(ObstacleLost(obstacle=name, reason=reason))
 
     def objections(self, now: Time) -> Iterator[tuple[str, str | None]]:
         """Yield the name of each obstacle and why no vehicle may take off because of it; None if
         the obstacle is seen."""
         for name, watched in self._watched.items():
-            unseen = name not in self.seen or self._unseen(name, now) > LOST
+            unseen = name not in self.seen or self._unseen(name, now) > UNSEEN_NS
             yield name, _because("it is not seen", watched.trouble()) if unseen else None
 
     def _unseen(self, name: str, now: Time) -> Time:
@@ -104,14 +106,14 @@ class _Watched:
             return False
         if self._track:
             time, before = self._track[-1]
-            if not time < pose.time <= now + AHEAD:
+            if not time < pose.time <= now + MAX_LEAD_NS:
                 return False
-            if pose.position == before and self._wavered >= WAVERS:
+            if pose.position == before and self._wavered >= WAVERING_POSES:
                 return False
-            wavers = pose.position != before and distance(pose.position, before) < STILL
-            self._wavered = min(self._wavered + 1, WAVERS) if wavers else self._wavered
+            wavers = pose.position != before and distance(pose.position, before) < STILL_DISTANCE
+            self._wavered = min(self._wavered + 1, WAVERING_POSES) if wavers else self._wavered
         self._track.append((pose.time, pose.position))
-        while pose.time - self._track[0][0] > _OVER:
+        while pose.time - self._track[0][0] > _VELOCITY_SPAN_NS:
             self._track.popleft()
         return True
 

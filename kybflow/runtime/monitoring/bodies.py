@@ -9,7 +9,7 @@ jumped: three consecutive poses are at positions that the vehicle cannot have re
 since the last pose (`kybflow.flight.pose_gate`).
 swapped: the body jumped to within `near` + `pace` t of the position at which another body was t
 seconds before, or of the position that the other body has just left; or the body returns after more
-than `MEMORY` seconds at the position of another vehicle's estimate. Its poses are then withheld
+than `MEMORY_S` at the position of another vehicle's estimate. Its poses are then withheld
 until it jumps again or is lost.
 
 A repeated pose is no measurement. In the air even the first repetition is withheld, so that the
@@ -28,7 +28,7 @@ from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import ZERO, Quat, Vec3, distance
 from kybflow.core.signals import NEVER, NS, Estimate, Measurement, Pose, Time
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.flight.pose_gate import CONFIRMED, PoseTrack, unexplained
+from kybflow.flight.pose_gate import AGREEING_POSES, PoseTrack, unexplained
 from kybflow.parts.events import BodyFroze, BodyJumped, BodyLost, BodyRecovered, BodySwapped
 from kybflow.runtime.events import Events
 
@@ -36,9 +36,9 @@ from kybflow.runtime.events import Events
 class Trouble:
     """The fault of one motion-capture body or camera.
 
-    A single odd observation is a measurement error. `CONFIRMED` consecutive observations that agree
-    with one another are a jump (`kybflow.flight.pose_gate.PoseTrack`); as many consecutive good
-    observations end a fault. A jump to the position of another vehicle is a swap (`nearest`).
+    A single odd observation is a measurement error. `AGREEING_POSES` consecutive observations that
+    agree with one another are a jump (`kybflow.flight.pose_gate.PoseTrack`); as many consecutive
+    good observations end a fault. A jump to the position of another vehicle is a swap (`nearest`).
 
     finding: the present fault, or None. good: the number of consecutive good observations so far.
     """
@@ -65,7 +65,7 @@ class Trouble:
     def is_over(self) -> bool:
         """Count a good observation; return whether it ends the fault."""
         self.good += 1
-        if self.finding is None or self.good < CONFIRMED:
+        if self.finding is None or self.good < AGREEING_POSES:
             return False
         self.finding = None
         return True
@@ -83,14 +83,14 @@ def nearest(position: Vec3, others: Iterable[tuple[str, Vec3, float]]) -> str:
     return whose
 
 
-WAVERS = 30
+WAVERING_POSES = 30
 """Number of consecutive poses on the ground, each slightly off the previous one, that prove the
 measurement to be noisy."""
-STILL = 0.01
+STILL_DISTANCE = 0.01
 """Largest distance (m) between two consecutive poses of a vehicle that stands still."""
-MEMORY = 0.25
+MEMORY_S = 0.25
 """Seconds for which the last position of a body is taken into account."""
-_MEMORY = round(MEMORY * NS)
+_MEMORY = round(MEMORY_S * NS)
 _NO_ATTITUDE: Quat = (0.0, 0.0, 0.0, 0.0)
 
 
@@ -120,7 +120,7 @@ class Bodies:
         self._believed[name] = estimate
 
     def judge(
-        self, name: str, poses: Sequence[Pose], now: Time, in_air: bool = True
+        self, name: str, poses: Sequence[Pose], now: Time, airborne: bool = True
     ) -> tuple[list[Pose], list[VehicleEvent]]:
         """Judge the new poses of a body, oldest first; return the poses to pass on and the
         findings. Must be called whenever poses arrive, and from `due` on even without poses."""
@@ -132,7 +132,7 @@ class Bodies:
         for pose in poses:
             if pose.time <= body.stamp or not _is_sound(pose):
                 continue
-            if body.repeats(pose, in_air):
+            if body.repeats(pose, airborne):
                 since, bound = (body.stamp - body.changed) / NS, self._bounds.frozen
                 if since > bound and not body.trouble.is_known(BodyFroze):
                     findings.append(body.trouble.found(BodyFroze(value=since, bound=bound)))
@@ -190,7 +190,7 @@ class Bodies:
         for other, body in self._bodies.items():
             for place in () if other == name else (body.track.last, body.left):
                 t = 0.0 if place is None else abs(pose.time - place.time) / NS
-                if place is not None and t <= MEMORY:
+                if place is not None and t <= MEMORY_S:
                     yield other, place.position, self._bounds.near + self._bounds.pace * t
 
 
@@ -243,7 +243,7 @@ class _Body:
         self.due = newest + timeout
         return newest
 
-    def repeats(self, pose: Pose, in_air: bool) -> bool:
+    def repeats(self, pose: Pose, airborne: bool) -> bool:
         """Process a newer pose; return whether it repeats the last one and must be withheld."""
         stamp, position, attitude = pose
         last, self._last = self._last, pose
@@ -254,10 +254,12 @@ class _Body:
             self._before = passed
         self.stamp = stamp
         same = last is not None and last.position == position and last.attitude == attitude
-        if same and (in_air or self._wavered >= WAVERS or self.trouble.is_known(BodyFroze)):
+        if same and (
+            airborne or self._wavered >= WAVERING_POSES or self.trouble.is_known(BodyFroze)
+        ):
             return True
-        if self._wavered < WAVERS and not in_air and last is not None:
-            stands = not same and distance(last.position, position) < STILL
+        if self._wavered < WAVERING_POSES and not airborne and last is not None:
+            stands = not same and distance(last.position, position) < STILL_DISTANCE
             self._wavered = self._wavered + 1 if stands else 0
         self.changed = stamp
         return False
@@ -293,13 +295,13 @@ class BodyMonitor:
         self.due: Time = 0 if asking else NEVER
 
     def measured(
-        self, measurements: Sequence[Measurement], now: Time, in_air: bool
+        self, measurements: Sequence[Measurement], now: Time, airborne: bool
     ) -> Sequence[Measurement]:
         """Return the measurements without the poses that are withheld."""
         poses = [m for m in measurements if type(m) is Pose] if measurements else ()
         if not poses and now < self.due:
             return measurements
-        passed, findings = self._bodies.judge(self._name, poses, now, in_air)
+        passed, findings = self._bodies.judge(self._name, poses, now, airborne)
         if self._is_needed:
             self.due = self._bodies.due(self._name)
         for found in findings:

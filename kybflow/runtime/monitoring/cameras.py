@@ -3,11 +3,11 @@
 These findings depend on the times and the images of a camera's frames. lost: no frame for longer
 than
 
-    max(SILENT, 3 / rate),   rate = the camera's frames a second
+    max(SILENCE_S, 3 / rate),   rate = the camera's frames a second
 
 froze: in the air, frames with new times but identical images for longer than
 
-    max(SAME, 1.5 / rate)
+    max(FREEZE_S, 1.5 / rate)
 
 Sensor noise makes two equal images impossible, so comparing some 1,200 pixels of each suffices. An
 image of uniform brightness doesn't count as frozen, because the camera may be in the dark or
@@ -29,10 +29,10 @@ error. That estimate did not include the frame yet; in most vehicles it is predi
 camera that was knocked aside causes a jump, and so does a map of tags that was moved. swapped: the
 pose jumped to within that distance of another vehicle's estimate.
 
-recovered: after a loss or a freeze, `CONFIRMED` good frames in a row. After a jump, the poses must
-have jumped back or been lost for a while, and then as many in a row must agree with the vehicle's
-estimate. If an estimator followed the camera, they don't agree, and another jump is reported.
-"""
+recovered: after a loss or a freeze, `AGREEING_POSES` good frames in a row. After a jump, the poses
+must have jumped back or been lost for a while, and then as many in a row must agree with the
+vehicle's estimate. If an estimator followed the camera, they don't agree, and another jump is
+reported."""
 
 from __future__ import annotations
 
@@ -65,8 +65,8 @@ from kybflow.world.cameras import Camera
 if TYPE_CHECKING:
     from kybflow.vision.locating.locator import Sighting
 
-_KEPT = 512
-CURRENT = NS // 20
+_KEPT_ESTIMATES = 512
+CURRENT_AGE_NS = NS // 20
 """An estimate counts as the estimate at a given time if it is at most this much older."""
 
 
@@ -90,14 +90,14 @@ class EstimateHistory:
         """Keep the newest estimate of a vehicle."""
         kept = self._kept.get(vehicle)
         if kept is None:
-            kept = self._kept[vehicle] = deque(maxlen=_KEPT)
+            kept = self._kept[vehicle] = deque(maxlen=_KEPT_ESTIMATES)
         kept.append(estimate)
 
     def at(self, vehicle: str, time: Time) -> Estimate | None:
         """Return the vehicle's estimate at `time` or shortly before, or None."""
         for estimate in reversed(self._kept.get(vehicle, ())):
             if estimate.time <= time:
-                return estimate if time - estimate.time <= CURRENT else None
+                return estimate if time - estimate.time <= CURRENT_AGE_NS else None
         return None
 
     def others(self, vehicle: str, time: Time) -> Iterator[tuple[str, Estimate]]:
@@ -108,10 +108,10 @@ class EstimateHistory:
                 yield other, estimate
 
 
-SILENT, SAME = 0.15, 0.1
+SILENCE_S, FREEZE_S = 0.15, 0.1
 """Least times (s) after which a camera is lost, and after which it froze. From 15 Hz on, both are
 reported before the estimate is a quarter of a second old."""
-_ACROSS = 40
+_COMPARED_PIXELS = 40
 """Number of pixels of a row that are compared."""
 BLIND, NEAR = 0.15, 0.2
 _AND = ", "
@@ -132,7 +132,7 @@ class CameraStreams:
         found = {name: stream.trouble.finding for name, stream in self._streams.items()}
         return {name: finding for name, finding in found.items() if finding is not None}
 
-    def judge(self, frames: Sequence[Frame], now: Time, in_air: bool) -> list[VehicleEvent]:
+    def judge(self, frames: Sequence[Frame], now: Time, airborne: bool) -> list[VehicleEvent]:
         """Judge new frames; return the findings. Must be called whenever frames arrive, and from
         `due` on even without frames."""
         findings: list[VehicleEvent] = []
@@ -141,7 +141,7 @@ class CameraStreams:
             if stream is None:
                 stream = _CameraStream(frame.camera, self._cameras[frame.camera].rate)
                 self._streams[frame.camera] = stream
-            findings += stream.judge(frame, now, in_air)
+            findings += stream.judge(frame, now, airborne)
         for stream in self._streams.values():
             findings += stream.miss(now)
         waiting = (s for s in self._streams.values() if not s.trouble.is_known(CameraLostEvent))
@@ -157,16 +157,16 @@ class _CameraStream:
 
     def __init__(self, name: str, rate: float) -> None:
         self._name = name
-        self.timeout, self.freeze_timeout = max(SILENT, 3.0 / rate), max(SAME, 1.5 / rate)
+        self.timeout, self.freeze_timeout = max(SILENCE_S, 3.0 / rate), max(FREEZE_S, 1.5 / rate)
         self.last: Time = 0
         self.trouble = Trouble()
         self._changed: Time = 0
         self._sample: Any = None
 
-    def judge(self, frame: Frame, now: Time, in_air: bool) -> Iterator[VehicleEvent]:
+    def judge(self, frame: Frame, now: Time, airborne: bool) -> Iterator[VehicleEvent]:
         """Judge a frame that arrived at `now`; yield the findings."""
         self.last, trouble = now, self.trouble
-        if self._repeats(frame) and (in_air or trouble.is_known(CameraFroze)):
+        if self._repeats(frame) and (airborne or trouble.is_known(CameraFroze)):
             since = (frame.time - self._changed) / NS
             bound = self.freeze_timeout
             if since > bound and not trouble.is_known(CameraFroze):
@@ -187,7 +187,7 @@ class _CameraStream:
 
     def _repeats(self, frame: Frame) -> bool:
         """Remember a frame's image; return whether it repeats the previous one."""
-        step = max(1, frame.image.shape[1] // _ACROSS)
+        step = max(1, frame.image.shape[1] // _COMPARED_PIXELS)
         sample, last = frame.image[::step, ::step], self._sample
         if last is None or not numpy.array_equal(sample, last):
             self._sample = sample.copy()  # the next image may be written over this one
@@ -226,18 +226,18 @@ class Sightings:
         found = {name: track.trouble.finding for name, track in self._tracks.items()}
         return {name: event for name, event in found.items() if isinstance(event, CameraJumped)}
 
-    def judge(self, sighting: Sighting, in_air: bool) -> list[VehicleEvent]:
+    def judge(self, sighting: Sighting, airborne: bool) -> list[VehicleEvent]:
         """Judge a new sighting; return the findings."""
         time, located = sighting.frames[0].time, sighting.located
         self.is_blind = located is None
         if located is None:
-            return self._blind(time, in_air)
+            return self._blind(time, airborne)
         self._posed = time
         findings: list[VehicleEvent] = []
         if self.lost:
             self.lost = False
             findings.append(TagsFound())
-        if not in_air:  # a person may carry the vehicle around
+        if not airborne:  # a person may carry the vehicle around
             self._tracks.clear()
             return findings
         believed = self._fleet.at(self._vehicle, time)
@@ -257,8 +257,8 @@ class Sightings:
                         findings.append(CameraRecovered(camera=name))
         return findings
 
-    def _blind(self, time: Time, in_air: bool) -> list[VehicleEvent]:
-        if self._posed is None or not in_air:
+    def _blind(self, time: Time, airborne: bool) -> list[VehicleEvent]:
+        if self._posed is None or not airborne:
             self._posed = time
             return []
         since = (time - self._posed) / NS
@@ -360,12 +360,12 @@ class CameraMonitor:
         return "; ".join(said) or None
 
     def measured(
-        self, measurements: Sequence[Measurement], now: Time, in_air: bool
+        self, measurements: Sequence[Measurement], now: Time, airborne: bool
     ) -> Sequence[Measurement]:
         """Return the measurements without frozen frames."""
         frames = [m for m in measurements if type(m) is Frame] if measurements else ()
         if frames or now >= self._streams.due:
-            self._emit(self._streams.judge(frames, now, in_air))
+            self._emit(self._streams.judge(frames, now, airborne))
         if not frames:
             return measurements
         wrong = self._streams.wrong
@@ -374,7 +374,7 @@ class CameraMonitor:
             return measurements
         return [m for m in measurements if type(m) is not Frame or m.camera not in frozen]
 
-    def judge(self, estimators: Sequence[SeeingEstimator], in_air: bool) -> None:
+    def judge(self, estimators: Sequence[SeeingEstimator], airborne: bool) -> None:
         """Judge the poses that the estimators found in new frames, except frames of a faulty
         camera."""
         fresh = []
@@ -386,7 +386,7 @@ class CameraMonitor:
                     fresh.append(sighting)
         if fresh:
             best = next((s for s in fresh if s.located is not None), fresh[0])
-            self._emit(self._sightings.judge(best, in_air))
+            self._emit(self._sightings.judge(best, airborne))
 
     def _emit(self, findings: Sequence[VehicleEvent]) -> None:
         for found in findings:

@@ -3,13 +3,13 @@
 Their measurements replace the link's measurements of the same kinds. A sensor's failure is reported
 once until the sensor works again. The estimates that depend on the sensor then grow old; the link
 is not affected. A sensor has failed if it raises, or if it gives no measurements and reports a
-reason; the latter counts only once the sensor has worked, or `CONNECTING` seconds after the start.
+reason; the latter counts only once the sensor has worked, or `CONNECTING_TIME_S` after the
+start.
 
 Implausible measurements of the link and of sensors are refused: measurements stamped more than
-`AHEAD` in the future, because an estimator that accepted one would ignore all others until then;
-frames of a camera that the vehicle doesn't have; and frames without a grey image. The first refusal
-of each sort is reported.
-"""
+`MAX_LEAD_NS` in the future, because an estimator that accepted one would ignore all others until
+then; frames of a camera that the vehicle doesn't have; and frames without a grey image. The first
+refusal of each sort is reported."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from kybflow.parts import Stream
 from kybflow.parts.events import MeasurementRefused, SensorFailed, SensorRecovered
 from kybflow.runtime.events import Events
 
-CONNECTING = 1.0
+CONNECTING_TIME_S = 1.0
 """Seconds that a sensor may need to connect."""
-AHEAD: Time = NS // 200
+MAX_LEAD_NS: Time = NS // 200
 """How far a time stamp may be in the future, since clock offsets are estimates and ticks can be
 late."""
 _BY_TIME = attrgetter("time")
@@ -111,7 +111,7 @@ class Sensing:
     def _is_late(self, now: Time) -> bool:
         """Return whether a sensor that has not worked yet has had enough time to connect."""
         self._began = now if self._began is None else self._began
-        return now - self._began >= CONNECTING * NS
+        return now - self._began >= CONNECTING_TIME_S * NS
 
     def _fail(self, sensor: OpenSensor, reason: str) -> None:
         """Report a sensor's failure, but only once until the sensor works again."""
@@ -148,7 +148,7 @@ class Admission:
     ) -> Sequence[Measurement]:
         """Return the plausible measurements. source: the name of the sensor or driver that gave
         them. at: its mission line."""
-        latest = now + AHEAD
+        latest = now + MAX_LEAD_NS
         for measurement in measurements:
             if measurement.time > latest or type(measurement) is Frame:
                 break
@@ -169,7 +169,7 @@ class Admission:
     def _wrong(self, measurement: Measurement, now: Time) -> tuple[str, str] | None:
         """Return (sort of fault, reason for an event) of an implausible measurement, or None."""
         ahead = measurement.time - now
-        if ahead > AHEAD:
+        if ahead > MAX_LEAD_NS:
             return "time", f"stamped {ahead / NS:.3g} s in the future"
         if not isinstance(measurement, Frame):
             return None

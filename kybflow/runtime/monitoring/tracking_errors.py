@@ -15,9 +15,9 @@ from kybflow.core.signals import NS, Estimate, Setpoint, Time, Truth
 from kybflow.parts import AIR, GROUND, Flight, Leg
 from kybflow.runtime.scores import VehicleScore
 
-_LIFTED, _BEHIND = 0.02, 0.03
+_LIFTED_HEIGHT, _LAG = 0.02, 0.03
 """Heights above the ground and above the setpoint, m."""
-_SINKS, _STAYS = -0.05, 0.25
+_SINK_SPEED, _CARRIED_RATIO = -0.05, 0.25
 """The vertical velocity (m/s) below which a setpoint sinks, and the fraction of the setpoint's
 velocity that the vehicle stays under while the ground carries it."""
 
@@ -28,7 +28,7 @@ class TrackingErrors:
     def __init__(self, score: VehicleScore) -> None:
         self._score = score
         self._contact: GroundContact | None = None
-        self._flies = False
+        self._in_air = False
 
     def update(
         self,
@@ -44,11 +44,11 @@ class TrackingErrors:
         state: the ground truth in simulation, the estimate on hardware.
         flight, leg: the flight phase, and the leg of the active behavior.
         """
-        flies = flight is AIR or self._flies_off(wanted, state, flight, leg)
-        if flies is not self._flies:
-            self._flies = flies
-            self._score.airborne(flies, now / NS)
-        if wanted is None or not flies:
+        in_air = flight is AIR or self._is_lifted(wanted, state, flight, leg)
+        if in_air is not self._in_air:
+            self._in_air = in_air
+            self._score.in_air(in_air, now / NS)
+        if wanted is None or not in_air:
             return None
         if state is not None:
             position, velocity, score = wanted.position, wanted.velocity, self._score
@@ -58,7 +58,7 @@ class TrackingErrors:
                 score.velocity.add(distance(velocity, state.velocity))
         return wanted
 
-    def _flies_off(
+    def _is_lifted(
         self, wanted: Setpoint | None, state: Truth | Estimate | None, flight: Flight, leg: Leg
     ) -> bool:
         """Return whether a vehicle that takes off or lands is above the ground."""
@@ -83,8 +83,8 @@ class GroundContact:
         the behavior's setpoint. height, climb: the vehicle's height (m) and vertical velocity
         (m/s)."""
         if self.leg.end is not GROUND:
-            return self.leg.start is GROUND and height < self._stood + _LIFTED
-        if self._met is not None and height < self._met - _LIFTED:
+            return self.leg.start is GROUND and height < self._stood + _LIFTED_HEIGHT
+        if self._met is not None and height < self._met - _LIFTED_HEIGHT:
             self._met = None
         if self._met is None and wanted is not None and _leaves_behind(wanted, height, climb):
             self._met = height
@@ -96,4 +96,8 @@ def _leaves_behind(wanted: Setpoint, height: float, climb: float) -> bool:
     if wanted.position is None or wanted.velocity is None:
         return False
     sinks = wanted.velocity[2]
-    return sinks < _SINKS and height > wanted.position[2] + _BEHIND and climb > _STAYS * sinks
+    return (
+        sinks < _SINK_SPEED
+        and height > wanted.position[2] + _LAG
+        and climb > _CARRIED_RATIO * sinks
+    )

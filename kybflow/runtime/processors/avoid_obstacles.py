@@ -27,9 +27,9 @@ from kybflow.flight.avoidance.surroundings import Nearby
 from kybflow.parts import Objection, Processor, param, params
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
-_WANDERS = 0.02
+_USUAL_DEVIATION = 0.02
 """Usual deviation of a vehicle from its setpoint, m."""
-_SLACK = 0.5
+_CLOSER_SHARE = 0.5
 """The fraction of `keep` by which the vehicle itself may come closer than its setpoint."""
 
 
@@ -62,9 +62,9 @@ class AvoidObstacles(Processor[AvoidObstaclesParams]):
     def objections(
         cls, params: AvoidObstaclesParams, context: VehicleContext
     ) -> Iterator[Objection]:
-        if params.keep < _WANDERS:
+        if params.keep < _USUAL_DEVIATION:
             reason = "is less than a vehicle strays from its setpoint"
-            yield Objection("keep", reason, f"keep {_WANDERS:g} m or more", is_doubt=True)
+            yield Objection("keep", reason, f"keep {_USUAL_DEVIATION:g} m or more", is_doubt=True)
 
     def __init__(self, params: AvoidObstaclesParams, context: VehicleContext) -> None:
         super().__init__(params, context)
@@ -75,5 +75,5 @@ class AvoidObstacles(Processor[AvoidObstaclesParams]):
         p = self.params
         if p.treat_as_obstacles is not self._nearby.others:
             self._nearby.count(p.treat_as_obstacles)
-        keeping = Keeping(p.keep, _SLACK * p.keep, p.braking, p.speed)
+        keeping = Keeping(p.keep, _CLOSER_SHARE * p.keep, p.braking, p.speed)
         return self._avoidance.bend(setpoint, tick, keeping)

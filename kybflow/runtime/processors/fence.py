@@ -28,10 +28,10 @@ from kybflow.parts import Processor, param, params
 from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import VehicleContext
 
-_UNDER = 0.5
-_STOPPING = 1.0
+_FLOOR_ROOM = 0.5
+_DECELERATION = 1.0
 _GAIN = 2.0
-_BACK = 0.3
+_RETURN_SPEED = 0.3
 
 
 @params
@@ -73,7 +73,7 @@ class FenceProcessor(Processor[FenceProcessorParams]):
             return setpoint
         known = tick.known()
         x, y, floor = self._room.low
-        room = Box((x, y, min(floor, known.position[2] - _UNDER)), self._room.high)
+        room = Box((x, y, min(floor, known.position[2] - _FLOOR_ROOM)), self._room.high)
         if position is not None:
             return setpoint if room.contains(position) else _clamped(setpoint, position, room)
         return _stoppable(setpoint, known, room)
@@ -118,7 +118,7 @@ def _stoppable(setpoint: Setpoint, known: Estimate, room: Box) -> Setpoint:
             if outward * velocity[i] > allowed:
                 velocity[i] = outward * allowed
                 pull = steepness * max(outward * known.velocity[i], 0.0)
-                acceleration[i] = -outward * min(pull, 2.0 * _STOPPING)
+                acceleration[i] = -outward * min(pull, 2.0 * _DECELERATION)
     if _vector(velocity) == wanted:
         return setpoint
     return setpoint._replace(
@@ -129,11 +129,11 @@ def _stoppable(setpoint: Setpoint, known: Estimate, room: Box) -> Setpoint:
 def _closing(left: float) -> tuple[float, float]:
     """Return the allowed speed (m/s) towards a face `left` metres away, and by how much it falls
     per metre (1/s). Beyond the face the speed is negative, so that it leads back."""
-    linear = 0.5 * _STOPPING / (_GAIN * _GAIN)
+    linear = 0.5 * _DECELERATION / (_GAIN * _GAIN)
     if left <= linear:
-        return max(_GAIN * left, -_BACK), _GAIN if left > 0.0 else 0.0
-    speed = sqrt(2.0 * _STOPPING * (left - 0.5 * linear))
-    return speed, _STOPPING / speed
+        return max(_GAIN * left, -_RETURN_SPEED), _GAIN if left > 0.0 else 0.0
+    speed = sqrt(2.0 * _DECELERATION * (left - 0.5 * linear))
+    return speed, _DECELERATION / speed
 
 
 def _vector(numbers: list[float]) -> Vec3:

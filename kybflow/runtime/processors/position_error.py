@@ -22,8 +22,8 @@ from kybflow.core.units import Length
 from kybflow.parts import Objection, Processor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
-_LATELY = 2.0
-_TRACKED = 0.02
+_AVERAGING_S = 2.0
+_USUAL_DEVIATION = 0.02
 """Distance (m) from its setpoint within which a vehicle mostly stays in still air."""
 
 
@@ -47,8 +47,8 @@ class PositionError(Processor[PositionErrorParams]):
         cls, params: PositionErrorParams, context: VehicleContext
     ) -> Iterator[Objection]:
         fence, limit = context.fence, params.limit
-        if limit < _TRACKED:
-            reason = f"alarms at once: good tracking leaves {_TRACKED * 100:.0f} cm"
+        if limit < _USUAL_DEVIATION:
+            reason = f"alarms at once: good tracking leaves {_USUAL_DEVIATION * 100:.0f} cm"
             yield Objection("limit", reason, "write `limit: 50 cm`", is_doubt=True)
         if fence is not None and limit > norm(fence.size):
             reason = f"never alarms: the fence is {norm(fence.size):.3g} m across"
@@ -66,7 +66,7 @@ class PositionError(Processor[PositionErrorParams]):
         elif (velocity := setpoint.velocity) is not None:
             # by how many metres the vehicle has recently fallen behind
             missing = sub(velocity, tick.known().velocity)
-            change = sub(missing, scale(self._behind, 1.0 / _LATELY))
+            change = sub(missing, scale(self._behind, 1.0 / _AVERAGING_S))
             self._behind = add(self._behind, scale(change, tick.dt))
             error = norm(self._behind)
         else:

@@ -28,9 +28,9 @@ from kybflow.core.units import Duration
 from kybflow.parts import Processor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
-_SETTLED = 7.5
+_SETTLING_PRODUCT = 7.5
 """k t at which (1 + k t + (k t)^2 / 2) exp(-k t) is 2 %."""
-_GAP = 1.5
+_GAP_TICKS = 1.5
 """Ticks without a call after which the smoothing starts anew from the setpoint that the tracker
 follows."""
 
@@ -78,7 +78,7 @@ _STEPS = {
     SetpointKind.VELOCITY: (1e-2, 0.1, 10.0),
 }
 """The largest steps that pass unchanged: of the position or velocity, and of its derivatives."""
-_SPENT = 0.01
+_NEGLIGIBLE_SHARE = 0.01
 """The fraction of those steps below which an error has died out."""
 
 
@@ -105,23 +105,23 @@ class Smooth(Processor[SmoothParams]):
         kind, dt = setpoint.kind, tick.dt
         course, jolt = _course(setpoint, kind)
         last = self._last
-        if last is None or tick.now - self._time > _GAP * dt * NS or last.kind is not kind:
+        if last is None or tick.now - self._time > _GAP_TICKS * dt * NS or last.kind is not kind:
             last, self._error = _followed(tick, kind), _NOTHING
         else:
-            self._error = _decayed(self._error, _SETTLED / self.params.settle, dt)
+            self._error = _decayed(self._error, _SETTLING_PRODUCT / self.params.settle, dt)
         if last is not None:
             before, before_jolt = _course(last, kind)
             step = before.ahead(before_jolt, dt).minus(course)
             if _exceeds(step, kind, 1.0):
                 self._error = self._error.plus(step)
         self._last, self._time = setpoint, tick.now
-        if self._error is _NOTHING or not _exceeds(self._error, kind, _SPENT):
+        if self._error is _NOTHING or not _exceeds(self._error, kind, _NEGLIGIBLE_SHARE):
             self._error = _NOTHING
             return setpoint
         return self._bent(setpoint, course, jolt)
 
     def _bent(self, setpoint: Setpoint, course: _Course, jolt: Vec3) -> Setpoint:
-        k, error = _SETTLED / self.params.settle, self._error
+        k, error = _SETTLING_PRODUCT / self.params.settle, self._error
         pull = add(scale(error.value, k * k * k), scale(error.slope, 3.0 * k * k))
         jolt = sub(jolt, add(pull, scale(error.bend, 3.0 * k)))
         value, slope, bend = course.plus(error)

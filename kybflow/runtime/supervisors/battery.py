@@ -11,7 +11,7 @@ Alarm `battery_lost` with WARN while the newest report is older than `age`: the 
 and the bounds above apply to the last report. `battery_low` takes precedence. The value is the age
 in seconds.
 
-An alarm that persists is returned in every tick; the engine makes one event of it, and a separate
+An alarm that persists is returned in every tick; the failsafe makes one event of it, and a separate
 event of the landing. The value of `battery_low` is the charge left, 0 to 1.
 """
 
@@ -24,8 +24,8 @@ from kybflow.core.units import Duration, Ratio
 from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
-_RECOVERED, _WARNS = 0.05, 0.3
-_FULL, _EMPTY = 0.95, 0.04
+_RECOVERY, _WARNING = 0.05, 0.3
+_USUAL_CHARGE, _COLLAPSE_CHARGE = 0.95, 0.04
 """Charge (0 to 1) that a battery has after a minute of flight, and at which its voltage
 collapses."""
 
@@ -33,7 +33,7 @@ collapses."""
 @params
 class BatterySupervisorParams:
     warn_below: Ratio = param(
-        "Charge below which it warns.", default=_WARNS, at_least=0.0, at_most=1.0, tightens="up"
+        "Charge below which it warns.", default=_WARNING, at_least=0.0, at_most=1.0, tightens="up"
     )
     land_below: Ratio = param(
         "Charge below which the vehicle lands.",
@@ -63,13 +63,13 @@ class BatterySupervisor(Supervisor[BatterySupervisorParams]):
         cls, params: BatterySupervisorParams, context: VehicleContext
     ) -> Iterator[Objection]:
         p = params
-        if p.land_below >= _FULL:
+        if p.land_below >= _USUAL_CHARGE:
             reason = "alarms at once: no battery that flies stays as full"
             yield Objection("land_below", reason, "write `land_below: 15 %`", p.reaction == "warn")
-        if p.land_below < _EMPTY:
+        if p.land_below < _COLLAPSE_CHARGE:
             reason = f"alarms below {p.land_below:.0%}, where a battery carries nothing any more"
             yield Objection("land_below", reason, "write `land_below: 15 %`", is_doubt=True)
-        if p.warn_below < p.land_below and p.warn_below != _WARNS:
+        if p.warn_below < p.land_below and p.warn_below != _WARNING:
             reason = f"warns when it lands already, below {p.land_below:.0%}"
             hint = "write a `warn_below` above `land_below`"
             yield Objection("warn_below", reason, hint, is_doubt=True)
@@ -83,18 +83,18 @@ class BatterySupervisor(Supervisor[BatterySupervisorParams]):
     def reserve(cls, params: BatterySupervisorParams) -> float:
         return 0.0 if Reaction[params.reaction.upper()] is Reaction.WARN else params.land_below
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
         if tick.battery is None:
             return None
         left, p = tick.battery.remaining, self.params
-        self._low = left < p.warn_below + (_RECOVERED if self._low else 0.0)
-        self._empty = left < p.land_below + (_RECOVERED if self._empty else 0.0)
+        self._low = left < p.warn_below + (_RECOVERY if self._low else 0.0)
+        self._empty = left < p.land_below + (_RECOVERY if self._empty else 0.0)
         warning: BatteryWarning | None = tick.battery.warning
-        if self._empty and airborne:
+        if self._empty and off_ground:
             reason = f"{left:.0%} left, below {p.land_below:.0%}"
             return Alarm("battery_low", Reaction[p.reaction.upper()], reason, left, p.land_below)
         if warning is not None and (warning.acts or not self._low):
-            acts = warning.acts and airborne
+            acts = warning.acts and off_ground
             reaction = Reaction[p.reaction.upper()] if acts else Reaction.WARN
             return Alarm("battery_low", reaction, f"{warning.words}; {left:.0%} left", left)
         if self._low or self._empty:

@@ -1,4 +1,4 @@
-"""Report an airborne vehicle that no longer knows where it is.
+"""Report a vehicle in the air that no longer knows where it is.
 
 Alarm `estimate_lost` in the air when no estimator has an estimate, when the newest measurement in
 it is older than `age`, or when its standard deviation is above `spread`. The alarm's value is the
@@ -6,7 +6,7 @@ age in seconds or the spread in metres. Without an estimate it is the time since
 newest measurement, or since the first check, with a bound of zero.
 
 The default reaction is `land_blind`, the only one that needs no position. An alarm that persists is
-returned in every tick; the engine makes one event of it.
+returned in every tick; the failsafe makes one event of it.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from kybflow.core.units import Duration, Length
 from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
-_BLIND = 5.0
+_MAX_BLIND_S = 5.0
 """Seconds after which the error of dead reckoning is several metres."""
-_SHARP = 1e-4
+_MIN_SPREAD = 1e-4
 """A spread (m) smaller than that of the best motion capture."""
 
 
@@ -49,10 +49,10 @@ class EstimateSupervisor(Supervisor[EstimateSupervisorParams]):
         if p.age <= late:
             reason = f"alarms at once: the newest measurement is {late * 1e3:.3g} ms old or older"
             yield Objection("age", reason, "write `age: 300 ms`", p.reaction == "warn")
-        if p.age > _BLIND:
+        if p.age > _MAX_BLIND_S:
             reason = f"lets the vehicle fly blindly for {p.age:.3g} s"
             yield Objection("age", reason, "write `age: 300 ms`", is_doubt=True)
-        if p.spread < _SHARP:
+        if p.spread < _MIN_SPREAD:
             reason = "alarms at once: no estimate is as certain"
             yield Objection("spread", reason, "write `spread: 30 cm`", p.reaction == "warn")
         if context.fence is not None and p.spread > max(context.fence.size):
@@ -63,13 +63,13 @@ class EstimateSupervisor(Supervisor[EstimateSupervisorParams]):
         super().__init__(params, context)
         self._newest: Time | None = None
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
         estimate, p = tick.estimate, self.params
         if estimate is not None:
             self._newest = estimate.time - round(estimate.age * NS)
         elif self._newest is None:
             self._newest = tick.now
-        if not airborne:
+        if not off_ground:
             return None
         if estimate is None:
             silence = (tick.now - self._newest) / NS

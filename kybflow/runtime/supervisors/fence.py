@@ -10,7 +10,7 @@ is reported on the ground, without an estimate, or without a fence in the missio
 
 The default reaction is to land: the processor of the same name keeps the setpoint inside, so a
 vehicle that is outside does not follow its setpoint, and would not hold a position either. An alarm
-that persists is returned in every tick; the engine makes one event of it. World frame, metres.
+that persists is returned in every tick; the failsafe makes one event of it. World frame, metres.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ class FenceSupervisor(Supervisor[FenceSupervisorParams]):
             self._floor = min(z, context.start[2])
             self._box = Box((x, y, self._floor), high)
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
-        if self._box is None or tick.estimate is None or not airborne:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
+        if self._box is None or tick.estimate is None or not off_ground:
             self._outside = False
             return None
         position, floor = tick.estimate.position, self._floor

@@ -20,8 +20,9 @@ from kybflow.core.units import Length
 from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
-_FLOWN, _NEAR, _STILL, _CLIMBS, _SINKS = 0.15, 0.05, 0.05, 0.1, -0.05
-_LASTS = NS // 2
+_FLOWN_HEIGHT, _NEAR_HEIGHT = 0.15, 0.05
+_STILL_SPEED, _CLIMB_SPEED, _SINK_SPEED = 0.05, 0.1, -0.05
+_CONTACT_TIME_NS = NS // 2
 
 
 @params
@@ -47,26 +48,26 @@ class Ground(Supervisor[GroundParams]):
 
     def __init__(self, params: GroundParams, context: VehicleContext) -> None:
         super().__init__(params, context)
-        self._near, self._has_flown = context.start[2] + _NEAR, False
+        self._near, self._has_flown = context.start[2] + _NEAR_HEIGHT, False
         self._since: Time | None = None
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
         estimate = tick.estimate
         if estimate is None:
             return None
         height = estimate.position[2]
-        if not airborne:
-            self._near, self._has_flown, self._since = height + _NEAR, False, None
+        if not off_ground:
+            self._near, self._has_flown, self._since = height + _NEAR_HEIGHT, False, None
             return None
         if height > self._near:
-            self._has_flown = self._has_flown or height > self._near - _NEAR + _FLOWN
+            self._has_flown = self._has_flown or height > self._near - _NEAR_HEIGHT + _FLOWN_HEIGHT
             self._since = None
             return None
-        if not self._leaves(tick.setpoint, height) or abs(estimate.velocity[2]) > _STILL:
+        if not self._leaves(tick.setpoint, height) or abs(estimate.velocity[2]) > _STILL_SPEED:
             self._since = None
             return None
         self._since = tick.now if self._since is None else self._since
-        if tick.now - self._since < _LASTS:
+        if tick.now - self._since < _CONTACT_TIME_NS:
             return None
         reaction = Reaction[self.params.reaction.upper()]
         reason = "it lies on the ground, but should fly"
@@ -79,5 +80,5 @@ class Ground(Supervisor[GroundParams]):
             return False
         climb = 0.0 if setpoint.velocity is None else setpoint.velocity[2]
         if setpoint.position is None:
-            return climb > _CLIMBS
-        return climb > _SINKS and abs(setpoint.position[2] - height) > self.params.gap
+            return climb > _CLIMB_SPEED
+        return climb > _SINK_SPEED and abs(setpoint.position[2] - height) > self.params.gap

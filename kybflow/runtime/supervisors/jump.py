@@ -23,12 +23,12 @@ from kybflow.flight.pose_gate import ACCELERATION
 from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
-_SHARE = 0.05
-_NOISE, _MANY = 0.002, 100.0
+_AVERAGING_SHARE = 0.05
+_NOISE, _MAX_FACTOR = 0.002, 100.0
 """The noise of motion capture (m), and a multiple of the average step that hardly any jump
 reaches."""
-_LASTS = NS
-_SAME = NS // 1000
+_ALARM_TIME_NS = NS
+_SAME_TIME_NS = NS // 1000
 
 
 @params
@@ -56,7 +56,7 @@ class Jump(Supervisor[JumpParams]):
         if context.fence is not None and p.at_least > max(context.fence.size):
             reason = "never alarms: the fence is smaller"
             yield Objection("at_least", reason, "write `at_least: 10 cm`", is_doubt=True)
-        if p.factor > _MANY:
+        if p.factor > _MAX_FACTOR:
             reason = f"alarms at {p.factor:g} times the average step only"
             yield Objection("factor", reason, "write `factor: 4`", is_doubt=True)
 
@@ -68,19 +68,19 @@ class Jump(Supervisor[JumpParams]):
         self._alarm: Alarm | None = None
         self._until: Time = 0
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
         estimate = tick.estimate
         if estimate is None:
             self._last = None
         else:
             measured = estimate.time - round(estimate.age * NS)
-            if self._last is None or measured - self._measured > _SAME:
+            if self._last is None or measured - self._measured > _SAME_TIME_NS:
                 self._measured = measured
                 alarm = self._judged(estimate)
-                if alarm is not None and airborne:
-                    self._alarm, self._until = alarm, tick.now + _LASTS
+                if alarm is not None and off_ground:
+                    self._alarm, self._until = alarm, tick.now + _ALARM_TIME_NS
         alarm = self._alarm
-        return alarm if alarm is not None and airborne and tick.now < self._until else None
+        return alarm if alarm is not None and off_ground and tick.now < self._until else None
 
     def _judged(self, estimate: Estimate) -> Alarm | None:
         last, self._last = self._last, estimate
@@ -91,7 +91,7 @@ class Jump(Supervisor[JumpParams]):
         vx, vy, vz = last.velocity
         step = distance(estimate.position, (x + t * vx, y + t * vy, z + t * vz))
         p, average = self.params, self._average
-        self._average += _SHARE * (step - average)
+        self._average += _AVERAGING_SHARE * (step - average)
         bound = max(p.factor * average, p.at_least, 0.5 * ACCELERATION * t * t)
         if step <= bound:
             return None

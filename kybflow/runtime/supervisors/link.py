@@ -24,9 +24,9 @@ from kybflow.core.units import Duration
 from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
-_HASTY, _SILENT = 0.05, 10.0
+_USUAL_SILENCE_S, _MAX_SILENCE_S = 0.05, 10.0
 """Seconds of silence that occasionally occur on a radio, and after which it is lost for good."""
-_LATE = 2.0
+_MAX_ROUND_TRIP_S = 2.0
 """A round trip (s) several times as long as the one at which the slowest loop oscillates."""
 
 
@@ -51,26 +51,26 @@ class LinkSupervisor(Supervisor[LinkSupervisorParams]):
         if p.age <= context.dt:
             reason = f"alarms with the first late packet: {tick}"
             yield Objection("age", reason, "write `age: 500 ms`", p.reaction == "warn")
-        elif p.age < _HASTY:
+        elif p.age < _USUAL_SILENCE_S:
             reason = "alarms when a few packets are late"
             yield Objection("age", reason, "write `age: 500 ms`", is_doubt=True)
-        if p.age > _SILENT:
+        if p.age > _MAX_SILENCE_S:
             reason = f"leaves the vehicle alone for {p.age:.3g} s"
             yield Objection("age", reason, "write `age: 500 ms`", is_doubt=True)
         if p.delay <= context.dt:
             reason = f"alarms with the first round trip: {tick}"
             yield Objection("delay", reason, "write `delay: 200 ms`", p.reaction == "warn")
-        if p.delay > _LATE:
+        if p.delay > _MAX_ROUND_TRIP_S:
             reason = "alarms long after a loop over the link oscillates"
             yield Objection("delay", reason, "write `delay: 200 ms`", is_doubt=True)
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
         p, silence, delay = self.params, tick.link_age, tick.link_delay
-        if not airborne:
+        if not off_ground:
             return None
         reaction = Reaction[p.reaction.upper()]
         if silence > p.age:
-            reason = f"nothing has arrived for {silence:.2f} s, {p.age:g} s allowed"
+            reason = f"no measurement has arrived for {silence:.2f} s, {p.age:g} s allowed"
             return Alarm("link_lost", reaction, reason, silence, p.age)
         if delay > p.delay:
             reason = f"two round trips in a row took {delay:.2f} s and more, {p.delay:g} s allowed"

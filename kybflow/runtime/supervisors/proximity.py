@@ -23,12 +23,12 @@ from kybflow.core.units import Length
 from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
-_APART = 0.05
-_CLOSING = 20.0
-_FAR = 5.0
+_HYSTERESIS = 0.05
+_CLOSING_SPEED = 20.0
+_SAFE_GAP = 5.0
 """Gap (m) at which any two vehicles can still stop."""
-_LATEST = 0.1
-_ANSWER, _DECELERATION = 0.15, 2.0
+_MAX_PAUSE_S = 0.1
+_BRAKE_DELAY_S, _DECELERATION = 0.15, 2.0
 """Seconds until a brake takes effect, and the deceleration with which a hold comes to rest,
 m/s^2."""
 
@@ -79,8 +79,8 @@ class Proximity(Supervisor[ProximityParams]):
         self._next: Time = 0
         self._due: dict[str, Time] = {context.vehicle: NEVER}
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
-        if len(tick.fleet) < 2 or tick.estimate is None or not airborne:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
+        if len(tick.fleet) < 2 or tick.estimate is None or not off_ground:
             self._close, self._next, self._due = frozenset(), 0, {self._vehicle: NEVER}
             return None
         now, due = tick.now, self._due
@@ -94,17 +94,17 @@ class Proximity(Supervisor[ProximityParams]):
             bound = _bound(self._touching.get(name, self._own), params)
             apart = distance(here, other.position)
             gap = apart - bound
-            if gap >= _FAR:
-                due[name] = now + round(max((gap - _FAR) / _CLOSING, _LATEST) * NS)
+            if gap >= _SAFE_GAP:
+                due[name] = now + round(max((gap - _SAFE_GAP) / _CLOSING_SPEED, _MAX_PAUSE_S) * NS)
                 continue
             bound += _stopping(tick.estimate, other, apart)
-            if apart < bound + (_APART if name in self._close else 0.0):
+            if apart < bound + (_HYSTERESIS if name in self._close else 0.0):
                 close.append((apart, bound, name))
             else:
-                due[name] = now + round(min(gap / _CLOSING, _LATEST) * NS)
+                due[name] = now + round(min(gap / _CLOSING_SPEED, _MAX_PAUSE_S) * NS)
         self._close = frozenset(name for *_, name in close)
         if not close:
-            self._next = min(now + round(_LATEST * NS), *due.values())
+            self._next = min(now + round(_MAX_PAUSE_S * NS), *due.values())
             return None
         apart, bound, name = min(close)
         reason = f"{apart:.2f} m from `{name}`, {bound:.2f} m needed"
@@ -128,4 +128,4 @@ def _stopping(own: Estimate, other: Estimate, apart: float) -> float:
     if nearing <= 0.0:
         return 0.0
     closing = nearing / max(apart, 1e-6)
-    return closing * (_ANSWER + 0.9375 * closing / _DECELERATION)
+    return closing * (_BRAKE_DELAY_S + 0.9375 * closing / _DECELERATION)

@@ -21,8 +21,8 @@ from kybflow.core.units import Length
 from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
-_LASTS = NS // 10
-_TRACKED = 0.02
+_ALARM_TIME_NS = NS // 10
+_USUAL_DEVIATION = 0.02
 """Distance (m) from its setpoint within which a vehicle mostly stays in still air."""
 
 
@@ -47,8 +47,8 @@ class SetpointSupervisor(Supervisor[SetpointSupervisorParams]):
         fence = context.fence
         for name, usual in ("step", "50 cm"), ("distance", "1 m"):
             bound: float = getattr(params, name)
-            if bound < _TRACKED:
-                reason = f"alarms at once: good tracking leaves {_TRACKED * 100:.0f} cm"
+            if bound < _USUAL_DEVIATION:
+                reason = f"alarms at once: good tracking leaves {_USUAL_DEVIATION * 100:.0f} cm"
                 yield Objection(name, reason, f"write `{name}: {usual}`", is_doubt=True)
             if fence is not None and bound > norm(fence.size):
                 reason = f"never alarms: the fence is {norm(fence.size):.3g} m across"
@@ -61,11 +61,11 @@ class SetpointSupervisor(Supervisor[SetpointSupervisorParams]):
         self._jumped: Alarm | None = None
         self._until: Time = 0
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
         last, setpoint, estimate = self._last, tick.setpoint, tick.estimate
         dt = (tick.now - self._looked) / NS
         self._last, self._looked = setpoint, tick.now
-        if not airborne or setpoint is None or estimate is None:
+        if not off_ground or setpoint is None or estimate is None:
             return None
         position, p = setpoint.position, self.params
         if position is None:
@@ -77,7 +77,7 @@ class SetpointSupervisor(Supervisor[SetpointSupervisorParams]):
             if step > bound:
                 reason = f"its setpoint stepped by {step:.2f} m, {bound:g} m allowed"
                 self._jumped = Alarm("setpoint_jumped", self._reaction, reason, step, bound)
-                self._until = tick.now + _LASTS
+                self._until = tick.now + _ALARM_TIME_NS
         if self._jumped is not None and tick.now < self._until:
             return self._jumped
         if away > p.distance:

@@ -19,8 +19,8 @@ from kybflow.core.units import DEG, AngularRate
 from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
-_LATELY = 0.25
-_MEASURED, _TURNS = 2000.0 * DEG, 10.0 * DEG
+_AVERAGING_S = 0.25
+_MEASURABLE_RATE, _USUAL_RATE = 2000.0 * DEG, 10.0 * DEG
 """Range of usual gyroscopes, and rate at which gusts and take-offs turn a vehicle, rad/s."""
 
 
@@ -39,10 +39,10 @@ class Spin(Supervisor[SpinParams]):
 
     @classmethod
     def objections(cls, params: SpinParams, context: VehicleContext) -> Iterator[Objection]:
-        if params.limit > _MEASURED:
+        if params.limit > _MEASURABLE_RATE:
             reason = "never alarms: no gyroscope measures such a rate"
             yield Objection("limit", reason, "write `limit: 360 deg/s`", is_doubt=True)
-        if params.limit < _TURNS:
+        if params.limit < _USUAL_RATE:
             reason = "alarms when gusts turn the vehicle a little"
             yield Objection("limit", reason, "write `limit: 360 deg/s`", is_doubt=True)
 
@@ -50,14 +50,14 @@ class Spin(Supervisor[SpinParams]):
         super().__init__(params, context)
         self._rate, self._looked, self._spins = 0.0, 0, False
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
         estimate, setpoint, now = tick.estimate, tick.setpoint, tick.now
         dt, self._looked = (now - self._looked) / NS, now
-        if estimate is None or not airborne:
+        if estimate is None or not off_ground:
             self._rate, self._spins = 0.0, False
             return None
         rate = estimate.angular_velocity[2] - (0.0 if setpoint is None else setpoint.heading_rate)
-        self._rate += (rate - self._rate) * dt / (_LATELY + dt)
+        self._rate += (rate - self._rate) * dt / (_AVERAGING_S + dt)
         spin, limit = abs(self._rate), self.params.limit
         self._spins = self._spins or spin > limit
         if not self._spins:

@@ -18,8 +18,8 @@ from kybflow.core.units import DEG, Angle
 from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
-_BACK = 0.087
-_HOVERS = 0.05
+_HYSTERESIS = 0.087
+_HOVERING_TILT = 0.05
 """Tilt (rad) of a vehicle that only hovers in a draught."""
 
 
@@ -43,7 +43,7 @@ class TiltSupervisor(Supervisor[TiltSupervisorParams]):
         own, limit = context.airframe.tilt, params.limit
         if limit <= own:
             reason = f"alarms in curves: the airframe may tilt {degrees(own):.3g} deg"
-            yield Objection("limit", reason, "write `limit: 60 deg`", limit > _HOVERS)
+            yield Objection("limit", reason, "write `limit: 60 deg`", limit > _HOVERING_TILT)
         if limit > 0.5 * pi:
             reason = "alarms when the vehicle is upside down, which is too late"
             yield Objection("limit", reason, "write `limit: 60 deg`", is_doubt=True)
@@ -52,12 +52,12 @@ class TiltSupervisor(Supervisor[TiltSupervisorParams]):
         super().__init__(params, context)
         self._tilted = False
 
-    def check(self, tick: Tick, airborne: bool) -> Alarm | None:
-        if tick.estimate is None or not airborne:
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
+        if tick.estimate is None or not off_ground:
             self._tilted = False
             return None
         tilt, limit = tilt_of(tick.estimate.attitude), self.params.limit
-        self._tilted = tilt > (limit - _BACK if self._tilted else limit)
+        self._tilted = tilt > (limit - _HYSTERESIS if self._tilted else limit)
         if not self._tilted:
             return None
         reason = f"tilted by {degrees(tilt):.0f} deg, {degrees(limit):.0f} deg allowed"

@@ -64,9 +64,9 @@ _COMMANDS = {
 }
 LEAST_UPRIGHT = 0.5
 """Cosine of the largest tilt (60 degrees) at which the tilt correction is applied."""
-LIFT = 1.5
+VERTICAL_INTEGRAL = 1.5
 """Ratio of the integral gain along z to that along x and y."""
-KEPT = (0.5, 0.25, 0.0)
+KEPT_GAINS = (0.5, 0.25, 0.0)
 """Factors of D, K and I along z if the height is held on board. Such a loop, as Copter's with its
 default gains, lags by 0.13 s at 3 rad/s and limits the jerk to 5 m/s^3; estimate and link add 0.1
 s. That would leave a phase margin of 15 degrees; these factors leave 46."""
@@ -122,7 +122,7 @@ class OnBoard(Tracker[OnBoardParams]):
         self._airframe = airframe = context.airframe
         self._most_climb = MOST_THRUST * airframe.max_thrust / airframe.mass - GRAVITY
         self._steepest = tan(airframe.tilt)
-        self._climb = KEPT if params.keeps_height else (1.0, 1.0, LIFT)
+        self._climb = KEPT_GAINS if params.keeps_height else (1.0, 1.0, VERTICAL_INTEGRAL)
         self._integral = ZERO
         self._floor: float | None = None
 

@@ -49,11 +49,11 @@ from kybflow.runtime.vehicle.touch_down import (
     said_distance,
 )
 
-LONGEST_REFUSAL: Time = 10 * NS
+MAX_REFUSAL_NS: Time = 10 * NS
 """How long a behavior's claims to have landed may be refused before the behavior fails."""
-UNCLEAR: Time = NS // 2
+FALL_DETECTION_NS: Time = NS // 2
 """How long after the rotors stopped the estimate may not show yet that the vehicle falls."""
-REPEATED: Time = NS // 10
+REFUSAL_REPEAT_NS: Time = NS // 10
 """Refusals of transitions within this time of the previous one are not reported."""
 DESCENT_THRUST, DESCENT_DEPTH = 0.5, 0.05
 """A fraction of the hover thrust, and a setpoint's depth below the vehicle (m), with which any
@@ -127,7 +127,7 @@ class BehaviorRunner:
             on_enter=self._enter,
             on_exit=self._exit,
             starts=self._starts,
-            airborne=lambda: self.off_ground,
+            off_ground=lambda: self.off_ground,
             latched=self._latched,
             welcome=self._is_welcome,
         )
@@ -291,7 +291,7 @@ class BehaviorRunner:
             reason = self._refusal(estimate, now, is_pushed=False)
             if reason:
                 assert self._touch_down is not None
-                if self._touch_down.refused_for(now) < UNCLEAR:
+                if self._touch_down.refused_for(now) < FALL_DETECTION_NS:
                     return False  # if it is in the air it falls, which `ArmingWatch` detects
                 self._score.failure(f"its rotors rest, and {reason}")
             self.land_mode = None
@@ -328,7 +328,7 @@ class BehaviorRunner:
         if refused_for == 0:
             refused = LandingRefused(behavior=self.machine.state, reason=reason)
             self._events.emit(refused, self._name, self.state.at)
-        elif refused_for > LONGEST_REFUSAL and self.behavior.needs_estimate:
+        elif refused_for > MAX_REFUSAL_NS and self.behavior.needs_estimate:
             self.fail(f"it has landed, it says, but {reason}")
         return reason
 
@@ -460,7 +460,7 @@ class BehaviorRunner:
         state, now = self.plan.states[name], self._events.now
         reason = self.entry_objection(state)
         if reason is not None:
-            if now - self._objected > REPEATED:
+            if now - self._objected > REFUSAL_REPEAT_NS:
                 refused = SwitchRefused(state=name, by="mission", reason=reason)
                 self._events.emit(refused, self._name, self.state.at)
             self._objected = now

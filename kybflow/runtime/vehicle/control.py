@@ -24,9 +24,9 @@ from kybflow.runtime.making import make
 from kybflow.runtime.vehicle.link import RESTING
 from kybflow.world.vehicle_context import VehicleContext
 
-_LEAST, _LEAST_SPEED = 0.02, 0.05
+_MIN_DISTANCE, _LEAST_SPEED = 0.02, 0.05
 """Least deviations that count as a clamp, m and m/s."""
-_QUIET = NS // 2
+_CLAMP_GAP_NS = NS // 2
 
 
 class _Clamp(NamedTuple):
@@ -64,7 +64,7 @@ class Clamps:
         """Compare the setpoints before and after a clamping processor. Return a description of how
         it keeps the vehicle from its goal, or None if it doesn't."""
         if asked.position is not None and given.position is not None:
-            off, least, unit = distance(asked.position, given.position), _LEAST, "m"
+            off, least, unit = distance(asked.position, given.position), _MIN_DISTANCE, "m"
         else:
             off = distance(asked.velocity or ZERO, given.velocity or ZERO)
             least, unit = _LEAST_SPEED, "m/s"
@@ -82,7 +82,7 @@ class Clamps:
 
     def settle(self, now: Time) -> None:
         """End the clamps that have changed nothing for long enough."""
-        over = [label for label, clamp in self.active.items() if now - clamp.last > _QUIET]
+        over = [label for label, clamp in self.active.items() if now - clamp.last > _CLAMP_GAP_NS]
         for label in over:
             clamp = self.active.pop(label)
             ended = ClampEnded(

@@ -105,7 +105,7 @@ class Decision:
         if runner.hold is not None:
             runner.wait(tick.dt)
         if tick.now >= failsafe.due:
-            raised = failsafe.check(tick, runner.flight is not GROUND)
+            raised = failsafe.check(tick, runner.off_ground)
             if raised is not None:
                 self._reactions.react(raised, tick)
         if failsafe.latched is Reaction.LAND_BLIND:
@@ -162,7 +162,7 @@ class Decision:
             if not runner.off_ground:
                 return RESTING, None
         asked = runner.update(tick)
-        return control.follow(asked, tick, self._reactions, runner.flight is not GROUND)
+        return control.follow(asked, tick, self._reactions, runner.off_ground)
 
     def _resteered(self, tick: Tick) -> Commanded:
         """Return the command of this tick after one or more changes of state."""

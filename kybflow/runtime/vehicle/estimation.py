@@ -3,8 +3,8 @@ hysteresis.
 
 If no estimator has been healthy for long enough, one that has just become healthy is used:
 hysteresis must not leave a vehicle without an estimate. Hysteresis doesn't apply either if an
-estimator contradicts the one in use, by more than `FARTHEST` plus four times both spreads: one of
-them is wrong, and the mission lists the most trusted one first.
+estimator contradicts the one in use, by more than `MAX_DISTANCE` plus four times both spreads: one
+of them is wrong, and the mission lists the most trusted one first.
 
 An estimator that raises, or whose estimate is not finite, is removed. In every tick the estimators
 that are not in use can align themselves with the estimate in use (`Estimator.anchor`). An event
@@ -52,9 +52,9 @@ from kybflow.runtime.making import make
 from kybflow.runtime.scores import VehicleScore
 from kybflow.world.vehicle_context import VehicleContext
 
-DECAY = 1.5
-FARTHEST, FASTEST, WIDEST = 0.3, 0.5, 20.0 * DEG
-OVER = 8.0
+DECAY_RATE = 1.5
+MAX_DISTANCE, MAX_SPEED, MAX_ANGLE = 0.3, 0.5, 20.0 * DEG
+BLEND_TIME_S = 8.0
 """Seconds after which a blend ends; 20 micrometres of the largest offset are left then."""
 
 
@@ -87,7 +87,7 @@ class EstimateBlend:
     def __init__(self, time: Time, position: Vec3, velocity: Vec3, turn: float) -> None:
         self.time = time
         self._position, self._velocity, self._turn = position, velocity, turn
-        self._pull = add(velocity, scale(position, DECAY))
+        self._pull = add(velocity, scale(position, DECAY_RATE))
 
     @classmethod
     def between(cls, last: Estimate, new: Estimate) -> tuple[float, EstimateBlend | None]:
@@ -98,20 +98,20 @@ class EstimateBlend:
         velocity = sub(last.velocity, new.velocity)
         turn = wrap(heading_of(last.attitude) - heading_of(new.attitude))
         far = norm(position)
-        if far > FARTHEST or abs(turn) > WIDEST:
+        if far > MAX_DISTANCE or abs(turn) > MAX_ANGLE:
             return far, None
-        if norm(velocity) > FASTEST:
+        if norm(velocity) > MAX_SPEED:
             velocity = ZERO
         return far, cls(new.time, position, velocity, turn)
 
     def applied(self, estimate: Estimate) -> Estimate:
         """Return `estimate` plus the part of the offset that remains at the estimate's time."""
         t = (estimate.time - self.time) / NS
-        fading = exp(-DECAY * t)
+        fading = exp(-DECAY_RATE * t)
         pull = self._pull
         x = scale(add(self._position, scale(pull, t)), fading)
-        v = scale(sub(self._velocity, scale(pull, DECAY * t)), fading)
-        turn = self._turn * (1.0 + DECAY * t) * fading
+        v = scale(sub(self._velocity, scale(pull, DECAY_RATE * t)), fading)
+        turn = self._turn * (1.0 + DECAY_RATE * t) * fading
         return estimate._replace(
             position=add(estimate.position, x),
             velocity=add(estimate.velocity, v),
@@ -119,7 +119,7 @@ class EstimateBlend:
         )
 
     def is_over(self, now: Time) -> bool:
-        return (now - self.time) / NS > OVER
+        return (now - self.time) / NS > BLEND_TIME_S
 
 
 Known = Callable[[frozenset[MeasurementKind]], str]
@@ -423,4 +423,4 @@ def _contradicts(estimate: Estimate, flown: Estimate | None) -> bool:
     if flown is None:
         return False
     off = distance(estimate.position, flown.position)
-    return off > FARTHEST + 4.0 * (estimate.spread + flown.spread)
+    return off > MAX_DISTANCE + 4.0 * (estimate.spread + flown.spread)

@@ -43,8 +43,8 @@ HOLD = "hold"
 class Response(NamedTuple):
     """The effects of a reaction.
 
-    on_ground, in_air: the built-in state that the vehicle enters, empty if the state doesn't
-    change.
+    on_ground, in_air: the built-in state that a vehicle enters if it is not airborne, and if it is
+    (`Reactions.airborne`); empty if the state doesn't change.
     without_estimate: the reaction that replaces this one in the air without an estimate.
     latches: whether only a severer reaction can take effect afterwards.
     """
@@ -67,15 +67,15 @@ RESPONSES = {  # severest last
 """The response to each reaction. For `LAND` and `LAND_BLIND`, the vehicle's own land mode replaces
 the state if it can be used (`LinkOut.prefers_land_mode`). `CUT` stops the rotors first, so that the
 vehicle counts as on the ground."""
-RELEASED_AFTER = 1.0
+RELEASED_AFTER_S = 1.0
 """Seconds for which every braking alarm must be silent before a brake ends."""
-AGAIN = 5.0
+RETURN_WINDOW_S = 5.0
 """Seconds after a release within which a returning alarm holds the vehicle for good."""
-SEEN: Time = NS // 2
+SIGHT_TIME_NS: Time = NS // 2
 """How long there must be an estimate and no alarm before a vehicle stops landing blind."""
-_UNHURRIED = NS // 50
+_UNHURRIED_PERIOD_NS = NS // 50
 """Period at which unhurried supervisors are called."""
-_QUIET = NS // 2
+_ALARM_REPEAT_NS = NS // 2
 """An alarm that was silent for longer than this is reported again."""
 _NOT_BRAKED = frozenset({BRAKE, HOVER, AUTO_LAND, LAND_BLIND, FAULT})
 """Built-in states that `brake` doesn't interrupt, because the vehicle already holds or must come
@@ -130,17 +130,17 @@ class Failsafe:
         self._blind: Time = 0
         self._for_good = False
 
-    def check(self, tick: Tick, airborne: bool) -> RaisedAlarm | None:
+    def check(self, tick: Tick, off_ground: bool) -> RaisedAlarm | None:
         """Call every supervisor that is due; return the alarm with the severest reaction, or
         None."""
         worst, self._failed = self._failed, None
         asked = self._hurried
         if tick.now >= self._all_due:
-            asked, self._all_due = self._checks, tick.now + _UNHURRIED
+            asked, self._all_due = self._checks, tick.now + _UNHURRIED_PERIOD_NS
         self.due = tick.now if self._hurried else self._all_due
         for label, check in asked:
             try:
-                alarm = check(tick, airborne)
+                alarm = check(tick, off_ground)
                 if alarm is None:
                     continue
                 raised = self.emit(label, checked_alarm(alarm), tick.now)
@@ -189,9 +189,9 @@ class Failsafe:
         if alarm.reaction is Reaction.BRAKE and alarm.event in self._braking:
             self._braking[alarm.event] = _Brake(now, alarm.reason)
         waived = self._waived.pop(alarm.event, None)
-        if waived is not None and now - waived < RELEASED_AFTER * NS:
+        if waived is not None and now - waived < RELEASED_AFTER_S * NS:
             self._waived[alarm.event] = now
-        if last is None or now - last > _QUIET:
+        if last is None or now - last > _ALARM_REPEAT_NS:
             self._events.emit(AlarmRaised(alarm), self._vehicle, raised.at)
         return raised
 
@@ -240,10 +240,10 @@ class Failsafe:
             return False
         if tick.estimate is None:
             self._blind = tick.now
-        if tick.now - self._blind < SEEN:
+        if tick.now - self._blind < SIGHT_TIME_NS:
             return False
         self.latched, self._may_see = Reaction.LAND, False
-        reason = f"there is an estimate, and no alarm, for {SEEN / NS:g} s"
+        reason = f"there is an estimate, and no alarm, for {SIGHT_TIME_NS / NS:g} s"
         back = Alarm("estimate_lost", Reaction.LAND, reason)
         self._emit_start(RaisedAlarm(back, ""), Reaction.LAND)
         return True
@@ -252,7 +252,7 @@ class Failsafe:
         """Record a braking alarm; return whether the vehicle was already braked."""
         event = alarm.event
         braked, released = bool(self._braking), self._released.get(event)
-        if released is not None and now - released <= AGAIN * NS:
+        if released is not None and now - released <= RETURN_WINDOW_S * NS:
             self._for_good = True
         self._braking[event] = _Brake(now, alarm.reason)
         return braked
@@ -271,7 +271,7 @@ class Failsafe:
         """End the brake if its alarms have been silent for long enough; return whether it ended."""
         if not self._braking or self._for_good:
             return False
-        if any(now - brake.last < RELEASED_AFTER * NS for brake in self._braking.values()):
+        if any(now - brake.last < RELEASED_AFTER_S * NS for brake in self._braking.values()):
             return False
         self._released.update(dict.fromkeys(self._braking, now))
         self._events.emit(FailsafeEnded(reaction="brake", alarm=self.braking), self._vehicle)
@@ -302,7 +302,7 @@ class Failsafe:
         self.clear_brake()
 
 
-_FALL = 2 * NS
+_FALL_TIME_NS = 2 * NS
 """How long a vehicle counts as falling after its rotors were cut."""
 
 
@@ -324,12 +324,13 @@ class Reactions:
 
     @property
     def airborne(self) -> bool:
-        """Whether the vehicle is off the ground and its rotors turn."""
-        return self._runner.flight is not GROUND and self._link.sent.armed
+        """Whether the vehicle is off the ground and its rotors turn, so that it must be landed. A
+        vehicle that is still arming for its take-off is off the ground, but not airborne."""
+        return self._runner.off_ground and self._link.sent.armed
 
     def falls(self, now: Time) -> bool:
         """Return whether the rotors were cut so recently that the vehicle may still fall."""
-        return self._cut is not None and now - self._cut < _FALL
+        return self._cut is not None and now - self._cut < _FALL_TIME_NS
 
     def react(self, raised: RaisedAlarm, tick: Tick, *, grounded: bool = False) -> bool:
         """Carry out the failsafe's decision on an alarm; return whether it changed anything.

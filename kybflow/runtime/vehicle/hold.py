@@ -12,7 +12,7 @@ from typing import Literal
 
 from kybflow.core.geometry import ZERO, Vec3, add, norm, scale, sub
 from kybflow.core.signals import NS, Setpoint, SetpointKind, Time
-from kybflow.flight.motion import IDLE, STEEPEST, Coast, Motion, Straight, Turn, smoothstep
+from kybflow.flight.motion import IDLE, MAX_SLOPE, Coast, Motion, Straight, Turn, smoothstep
 from kybflow.parts import Entry
 
 Holder = Literal["brake", "pause", "pilot"]
@@ -21,7 +21,7 @@ _DECELERATION = 2.0
 """Deceleration to rest, and largest acceleration of the blend, m/s^2."""
 _SPEED, _ACCELERATION, _TURN_RATE = 0.5, 0.7, 1.0
 """Limits during the flight back: m/s, m/s^2, rad/s."""
-_SHORTEST = 0.4
+_MIN_STOP_S = 0.4
 
 
 class Hold:
@@ -108,7 +108,7 @@ class SetpointBlend:
             self._excess = sub(before.velocity or ZERO, asked.velocity)
         self._span = _span(self._excess)
         detour = norm(add(self._gap, scale(self._excess, 0.5 * self._span)))
-        self._span = max(self._span, STEEPEST * detour / _SPEED)
+        self._span = max(self._span, MAX_SLOPE * detour / _SPEED)
 
     def added(self, setpoint: Setpoint, now: Time) -> Setpoint | None:
         """Return `setpoint` with the remaining offset added, or None once the blend is over."""
@@ -145,7 +145,7 @@ class SetpointBlend:
 
 def _span(excess: Vec3) -> float:
     """Return the seconds that a blend needs at least for this velocity difference (m/s)."""
-    return max(STEEPEST * norm(excess) / _DECELERATION, _SHORTEST)
+    return max(MAX_SLOPE * norm(excess) / _DECELERATION, _MIN_STOP_S)
 
 
 def _meeting(goal: Setpoint) -> Vec3 | None:

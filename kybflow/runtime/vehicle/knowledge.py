@@ -100,7 +100,7 @@ class PayloadTracker:
         return PayloadState.ABOARD if report.aboard else PayloadState.ABSENT
 
 
-LONG = 0.1
+REST_TIME_S = 0.1
 """Seconds at rest after which the bias is known to a few cm/s^2."""
 MAX_BIAS = 1.5
 """Largest plausible bias, m/s^2; a larger difference from gravity is ignored."""
@@ -134,7 +134,7 @@ class RestingBias:
     @property
     def is_known(self) -> bool:
         """Whether the vehicle has rested for long enough."""
-        return self._time >= LONG
+        return self._time >= REST_TIME_S
 
     @property
     def specific_force(self) -> float:
@@ -204,22 +204,22 @@ class Knowledge:
         tracker = plan.tracker
         link.subscribe(self.needs | tracker.cls.uses(tracker.params))
 
-    def update(self, now: Time, in_air: bool) -> Estimate | None:
-        """Read the measurements; update and return the estimate. in_air: whether the vehicle
-        flies."""
+    def update(self, now: Time, airborne: bool) -> Estimate | None:
+        """Read the measurements; update and return the estimate. airborne: whether the vehicle
+        is off the ground and its rotors turn."""
         self.now = now
         measurements = self._listen(now, self._accept)
         if self.sensing.streams:
             measurements = self.sensing.merged(measurements, now, self._note)
         if measurements or now >= self._body.due:
-            measurements = self._body.measured(measurements, now, in_air)
+            measurements = self._body.measured(measurements, now, airborne)
         if self.cameras.is_asked:
-            measurements = self.cameras.measured(measurements, now, in_air)
+            measurements = self.cameras.measured(measurements, now, airborne)
         if self._faults is not None and self._faults.estimators:
             self.estimation.kill(self._faults.estimators)
         self.estimate = estimate = self.estimation.update(measurements, now)
         if self.cameras.is_asked:
-            self.cameras.judge(self.estimation.candidates, in_air)
+            self.cameras.judge(self.estimation.candidates, airborne)
         if self._fleet.is_asked and estimate is not None:
             self._fleet.note(self._name, estimate)
         return estimate

@@ -32,6 +32,7 @@ from kybflow.parts.link import (
     Lands,
     NoticesOthers,
     Performs,
+    PreparesPreflight,
     Reclaimable,
     ReportsChecks,
     SendsStatusTexts,
@@ -46,12 +47,12 @@ from kybflow.runtime.scores import VehicleScore
 P = ParamSpec("P")
 T = TypeVar("T")
 
-TIMEOUT, SLOWEST = 10.0, 0.2
-"""A landing by the vehicle's own land mode may take `TIMEOUT` seconds plus the height divided by
-`SLOWEST` (m/s)."""
-SILENCE = 0.3
+LANDING_TIMEOUT_S, MIN_DESCENT = 10.0, 0.2
+"""A landing by the vehicle's own land mode may take `LANDING_TIMEOUT_S` plus the height
+divided by `MIN_DESCENT` (m/s)."""
+SILENCE_THRESHOLD_S = 0.3
 """Seconds without a measurement after which the next one counts as the link's return."""
-ALIVE = 0.5
+REQUEST_AGE_S = 0.5
 """Largest age (s) of the vehicle's last measurement at which the vehicle can take requests."""
 
 
@@ -108,8 +109,9 @@ class LinkIn:
     truth: the simulator's ground truth, None on hardware.
     heard: when measurements last arrived, also from a simulator beside the vehicle; None before the
     first read.
-    age: seconds since the vehicle's last measurement, or since the link was first read. Messages
-    without a measurement, such as heartbeats, don't count.
+    has_delivered: whether the vehicle has ever delivered a measurement.
+    age: seconds since the vehicle's last measurement; before the first one, since the link was
+    first read. Messages without a measurement, such as heartbeats, don't count.
     delay: the round-trip time to the vehicle in seconds, zero while unknown.
     faults: the injected faults of the vehicle, None on hardware.
     """
@@ -124,6 +126,7 @@ class LinkIn:
     ) -> None:
         self.truth: Truth | None = None
         self.heard: Time | None = None
+        self.has_delivered = False
         self.age = self.delay = 0.0
         self._alive: Time | None = None
         self._vehicle, self._at, self._events = plan.name, plan.driver.at, events
@@ -142,11 +145,13 @@ class LinkIn:
             measurements = self._read(now)
             self.truth = self._truth()
             if measurements or self.heard is None:
-                if self._link.is_heard or self._alive is None:
-                    if self._alive is not None and now - self._alive > SILENCE * NS:
+                is_heard = self._link.is_heard
+                if is_heard or self._alive is None:
+                    if self._alive is not None and now - self._alive > SILENCE_THRESHOLD_S * NS:
                         back = LinkReturned(value=(now - self._alive) / NS)
                         self._events.emit(back, self._vehicle, self._at)
                     self._alive = now
+                    self.has_delivered |= is_heard and bool(measurements)
                 self.heard, self.delay = now, self._link.delay
                 measurements = accept(measurements, now)
         except Exception as error:  # a driver may raise anything
@@ -200,6 +205,7 @@ class LinkOut:
         self._grip = link.grip if isinstance(link, Grips) else None
         self._perform = link.perform if isinstance(link, Performs) else None
         self._reclaim = link.reclaim if isinstance(link, Reclaimable) else None
+        self._prepare = link.prepare_preflight if isinstance(link, PreparesPreflight) else None
         self._tell_position = link.tell_position if isinstance(link, TakesPosition) else None
         self.tells_position = self._tell_position is not None
         self._lands, self._lands_blind = plan.driver.cls.lands, plan.driver.cls.lands_blind
@@ -221,6 +227,11 @@ class LinkOut:
         except Exception as error:  # a driver may raise anything
             self._guard.fail(error)
             return None
+
+    def prepare_preflight(self, now: Time) -> None:
+        """Send the vehicle what its own preflight checks need; nothing if its link has failed."""
+        if self._prepare is not None and self._guard.error is None:
+            self._guard.attempt(self._prepare, now)
 
     def deliver(self, command: Command, now: Time) -> Command:
         """Send the command of a tick; return the command that was sent. `HANDED_OVER` is not sent.
@@ -286,7 +297,7 @@ class LinkOut:
     def can_land(self) -> bool:
         """Whether the vehicle has its own land mode and its link works, so that the mode can be
         requested now."""
-        return self._lands and self._guard.error is None and self._in.age <= ALIVE
+        return self._lands and self._guard.error is None and self._in.age <= REQUEST_AGE_S
 
     def prefers_land_mode(self, reaction: Reaction) -> bool:
         """Return whether the vehicle's own land mode replaces the state for `reaction`."""
@@ -315,7 +326,7 @@ class LandMode:
 
     def __init__(self, land: Callable[[Time], bool], now: Time, height: float) -> None:
         self._land = land
-        self._timeout = TIMEOUT + max(height, 0.0) / SLOWEST
+        self._timeout = LANDING_TIMEOUT_S + max(height, 0.0) / MIN_DESCENT
         self._until = now + round(self._timeout * NS)
 
     def has_landed(self, now: Time) -> bool:

@@ -26,21 +26,21 @@ from kybflow.parts.events import (
 )
 from kybflow.runtime.events import Events
 from kybflow.runtime.scores import VehicleScore
-from kybflow.runtime.vehicle.behavior_runner import UNCLEAR, BehaviorRunner
+from kybflow.runtime.vehicle.behavior_runner import FALL_DETECTION_NS, BehaviorRunner
 from kybflow.runtime.vehicle.control import Control
 from kybflow.runtime.vehicle.failsafe import Failsafe, RaisedAlarm, Reactions
-from kybflow.runtime.vehicle.link import ALIVE, LinkOut
-from kybflow.world.ground import FRESH, height_in_the_air
+from kybflow.runtime.vehicle.link import REQUEST_AGE_S, LinkOut
+from kybflow.world.ground import FRESH_S, height_in_the_air
 
-FALLING = 1.2
+FALLING_SPEED = 1.2
 """Sink rate of a falling vehicle, m/s. No landing sinks as fast."""
-LATE: Time = NS // 2
+REPORT_LAG_NS: Time = NS // 2
 """How late a vehicle may report that its rotors have stopped."""
-SLOW: Time = 5 * NS
-FORCED: Time = 10 * NS
-GIVEN_UP: Time = 30 * NS
-STOOD: Time = 3 * NS
-STILL = 0.03
+WARNING_NS: Time = 5 * NS
+FORCE_NS: Time = 10 * NS
+GIVEN_UP_NS: Time = 30 * NS
+STANDING_NS: Time = 3 * NS
+STANDING_DISTANCE = 0.03
 """Metres by which the estimate may move while the vehicle stands still."""
 
 
@@ -51,12 +51,12 @@ class ArmingWatch:
     counts as falling if a fresh estimate places it above everything that could carry it and
     shows it sinking faster than any landing. Its rotors are then cut, and it doesn't count as
     landed. A vehicle that falls from a low height is on the ground before it reports itself
-    disarmed, so a fall is remembered for `LATE` after its end.
+    disarmed, so a fall is remembered for `REPORT_LAG_NS` after its end.
 
-    On the ground, the driver requests a vehicle that has landed to disarm. If the vehicle is
-    still armed after `SLOW`, `stays_armed` is emitted. After `FORCED` the vehicle is disarmed
-    by force, provided a fresh estimate near the ground has stood still for `STOOD` and the
-    vehicle doesn't report that it flies. After `GIVEN_UP` the run no longer waits for the
+    On the ground, the driver requests a vehicle that has landed to disarm. If the vehicle is still
+    armed after `WARNING_NS`, `stays_armed` is emitted. After `FORCE_NS` the vehicle is disarmed by
+    force, provided a fresh estimate near the ground has stood still for `STANDING_NS` and the
+    vehicle doesn't report that it flies. After `GIVEN_UP_NS` the run no longer waits for the
     vehicle and has failed.
 
     gave_up: whether the vehicle stayed armed
@@ -88,12 +88,12 @@ class ArmingWatch:
         if armed is self._link.sent.armed:
             self._since = self._stands = None
             known = tick.estimate
-            if armed and known is not None and known.velocity[2] < -FALLING:
+            if armed and known is not None and known.velocity[2] < -FALLING_SPEED:
                 self._note_fall(tick)
             return False
         if not armed:
             return self._runner.off_ground and self._has_fallen(tick)
-        is_quiet = tick.link_age > ALIVE or self._link.override is not None
+        is_quiet = tick.link_age > REQUEST_AGE_S or self._link.override is not None
         if self._runner.flight is GROUND and self._link.arming is None and not is_quiet:
             self._watch_landed(tick)
         return False
@@ -103,7 +103,7 @@ class ArmingWatch:
         its estimate doesn't show a fall yet."""
         if self._since is None:
             self._since = tick.now
-        return tick.now - self._since < UNCLEAR and self._above(tick.estimate) > 0.0
+        return tick.now - self._since < FALL_DETECTION_NS and self._above(tick.estimate) > 0.0
 
     def _note_fall(self, tick: Tick) -> None:
         """Record the height of a vehicle that sinks faster than any landing."""
@@ -112,12 +112,12 @@ class ArmingWatch:
             self._fell = tick.now, above
 
     def _has_fallen(self, tick: Tick) -> bool:
-        """Return whether the vehicle, whose rotors rest, falls or fell within the last `LATE`, and
-        the reaction to that changed anything."""
+        """Return whether the vehicle, whose rotors rest, falls or fell within the last
+        `REPORT_LAG_NS`, and the reaction to that changed anything."""
         known = tick.estimate
-        if known is not None and known.velocity[2] < -FALLING:
+        if known is not None and known.velocity[2] < -FALLING_SPEED:
             self._note_fall(tick)
-        if self._fell is None or tick.now - self._fell[0] > LATE:
+        if self._fell is None or tick.now - self._fell[0] > REPORT_LAG_NS:
             return False
         above, self._fell = self._fell[1], None
         reason = f"it disarmed in the air: its estimate has it {above:.2f} m above the ground"
@@ -131,31 +131,31 @@ class ArmingWatch:
             self._since, self._reported, self._forced = tick.now, False, False
         waited = tick.now - self._since
         stands = self._has_stood(tick.estimate, tick.now)
-        if waited >= SLOW and not self._reported:
+        if waited >= WARNING_NS and not self._reported:
             self._reported = True
             self._emit("it has landed, is asked to disarm, and stays armed")
-        if waited >= FORCED and not self._forced and stands:
+        if waited >= FORCE_NS and not self._forced and stands:
             self._forced = True
             try:
                 self._link.disarm_by_force(tick.now)
                 self._emit("it stands still on the ground: disarmed by force")
             except Refused as refusal:
                 self._emit(f"it can't be disarmed by force: {refusal}")
-        if waited >= GIVEN_UP and not self.gave_up:
+        if waited >= GIVEN_UP_NS and not self.gave_up:
             self.gave_up = True
-            reason = f"it has landed, and is still armed after {GIVEN_UP // NS} s: disarm it"
+            reason = f"it has landed, and is still armed after {GIVEN_UP_NS // NS} s: disarm it"
             self._emit(reason)
             self._score.failure(reason)
 
     def _has_stood(self, known: Estimate | None, now: Time) -> bool:
-        """Return whether the estimate has stood still on the ground for `STOOD`."""
-        if known is None or known.age > FRESH or self._above(known) > 0.0:
+        """Return whether the estimate has stood still on the ground for `STANDING_NS`."""
+        if known is None or known.age > FRESH_S or self._above(known) > 0.0:
             self._stands = None
             return False
         before = self._stands
-        if before is None or distance(known.position, before.position) > STILL:
+        if before is None or distance(known.position, before.position) > STANDING_DISTANCE:
             self._stands, self._stood = known, now
-        return self._stood is not None and now - self._stood >= STOOD
+        return self._stood is not None and now - self._stood >= STANDING_NS
 
     def _above(self, known: Estimate | None) -> float:
         """Return the vehicle's least height above the ground (m), zero if it may stand on it."""
@@ -249,7 +249,7 @@ class ManualOverride:
             self._emit(ControlRefused(reason=override.refused))
         self._refused = override.refused
         runner.wait(tick.dt)
-        self._failsafe.check(tick, airborne=False)  # supervisors keep their state; no reaction
+        self._failsafe.check(tick, off_ground=False)  # supervisors keep their state; no reaction
         answer(tick.now)
         if self._link.armed is False and not self._arming.may_fall(tick):
             self.away = False

@@ -96,7 +96,7 @@ class NoJudge:
 
 
 _NOT_HERE = "nothing here can judge values"
-_ACTS = 10
+_MOST_ACTIONS = 10
 """Largest number of actions that a vehicle performs within a second. More would only delay its
 other messages."""
 
@@ -142,7 +142,7 @@ class Requests:
         self._judge = judge
         self._switches: list[SwitchRequest] = []
         self._orders: deque[tuple[_Order, Answered]] = deque()
-        self._performed: deque[Time] = deque(maxlen=_ACTS)
+        self._performed: deque[Time] = deque(maxlen=_MOST_ACTIONS)
         self._plan, self._link = plan, link
         self._runner, self._failsafe = runner, failsafe
         self._reactions, self._override, self._events = reactions, override, events
@@ -395,8 +395,8 @@ class Requests:
 
     def _perform(self, act: str, by: str, at: str, now: Time) -> str | None:
         recent, reason = self._performed, self.perform_objection(act)
-        if reason is None and len(recent) == _ACTS and now - recent[0] < NS:
-            reason = f"it was asked for {_ACTS} acts within a second"
+        if reason is None and len(recent) == _MOST_ACTIONS and now - recent[0] < NS:
+            reason = f"it was asked for {_MOST_ACTIONS} acts within a second"
         if reason is None:
             try:
                 self._link.perform(act, now)

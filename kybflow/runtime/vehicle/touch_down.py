@@ -7,8 +7,8 @@ from kybflow.world.ground import height_in_the_air
 from kybflow.world.vehicle_context import VehicleContext
 
 START_TOLERANCE = 0.25
-WIDEST = 2.0
-SPREADS = 3.0
+MAX_TOLERANCE = 2.0
+TOLERANCE_SIGMAS = 3.0
 
 
 def allowed_distance(estimate: Estimate) -> float:
@@ -18,7 +18,7 @@ def allowed_distance(estimate: Estimate) -> float:
 
     It grows with the spread, because GPS alone is less accurate than motion capture.
     """
-    return max(START_TOLERANCE, min(SPREADS * estimate.spread, WIDEST))
+    return max(START_TOLERANCE, min(TOLERANCE_SIGMAS * estimate.spread, MAX_TOLERANCE))
 
 
 def said_distance(estimate: Estimate) -> str:
@@ -26,14 +26,14 @@ def said_distance(estimate: Estimate) -> str:
     metres = allowed_distance(estimate)
     if metres <= START_TOLERANCE:
         return f"{metres:.2f} m allowed"
-    why = "the most" if metres >= WIDEST else f"{SPREADS:g} times its spread"
+    why = "the most" if metres >= MAX_TOLERANCE else f"{TOLERANCE_SIGMAS:g} times its spread"
     return f"{metres:.2f} m allowed, {why}"
 
 
-UNCHARTED = 1.0
-LONG: Time = 5 * NS
-STILL = 0.03
-BREAK: Time = NS // 10
+UNCHARTED_HEIGHT = 1.0
+CLAIM_TIME_NS: Time = 5 * NS
+STILL_HEIGHT = 0.03
+CLAIM_BREAK_NS: Time = NS // 10
 """Time without a claim after which the next claim starts a new series."""
 
 
@@ -45,10 +45,10 @@ class TouchDown:
     the world, the surface it started from, and the ground that the landing expects. If the estimate
     was too high while the vehicle stood at its start, it is corrected by that error.
 
-    The vehicle may have landed on an object that the mission doesn't name. Up to `UNCHARTED` metres
-    above the known surfaces, a claim is therefore accepted if it is repeated for `LONG` without a
-    break while the vehicle is pushed down and its height stays within `STILL` metres, which is
-    impossible in the air.
+    The vehicle may have landed on an object that the mission doesn't name. Up to `UNCHARTED_HEIGHT`
+    metres above the known surfaces, a claim is therefore accepted if it is repeated for
+    `CLAIM_TIME_NS` without a break while the vehicle is pushed down and its height stays within
+    `STILL_HEIGHT` metres, which is impossible in the air.
 
     expected: the heights at which the landing expects the ground (m).
     off: the estimate's height above the start while the vehicle stood there (m).
@@ -76,21 +76,21 @@ class TouchDown:
         x, y, z = estimate.position
         estimate = estimate._replace(position=(x, y, z - self._off))
         above = height_in_the_air(self._context, estimate, self._expected)
-        if above <= 0.0 or (self._is_still(z, now, is_pushed) and above < UNCHARTED):
+        if above <= 0.0 or (self._is_still(z, now, is_pushed) and above < UNCHARTED_HEIGHT):
             return ""
         if self._refused is None:
             self._refused = now
         return f"its estimate has it {above:.2f} m above the ground"
 
     def _is_still(self, height: float, now: Time, is_pushed: bool) -> bool:
-        """Return whether the vehicle has claimed for `LONG` to be on the ground, at a constant
-        height although it is commanded to descend."""
+        """Return whether the vehicle has claimed for `CLAIM_TIME_NS` to be on the ground, at a
+        constant height although it is commanded to descend."""
         last, self._last = self._last, now
         if (
             not is_pushed
             or last is None
-            or now - last > BREAK
-            or abs(height - self._height) > STILL
+            or now - last > CLAIM_BREAK_NS
+            or abs(height - self._height) > STILL_HEIGHT
         ):
             self._since, self._height = now, height
-        return now - self._since >= LONG
+        return now - self._since >= CLAIM_TIME_NS

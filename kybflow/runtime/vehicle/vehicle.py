@@ -47,9 +47,9 @@ from kybflow.runtime.vehicle.override import ArmingWatch, ManualOverride
 from kybflow.runtime.vehicle.requests import EntryJudge, NoJudge, Requests
 from kybflow.world.vehicle_context import VehicleContext
 
-_SINKS = -0.05
+_SINK_SPEED = -0.05
 """The vertical velocity (m/s) below which a setpoint counts as descending."""
-_STALE = 10.0
+_REPORT_AGE_S = 10.0
 """Seconds without a measurement after which the vehicle's last report of being armed is ignored."""
 
 
@@ -163,7 +163,7 @@ class Vehicle:
 
     @property
     def airborne(self) -> bool:
-        """Whether the vehicle is off the ground and its rotors turn."""
+        """Whether the vehicle is off the ground and its rotors turn (`Reactions.airborne`)."""
         return self._reactions.airborne
 
     @property
@@ -175,7 +175,7 @@ class Vehicle:
         if not runner.off_ground or runner.land_mode is not None or link.override is not None:
             return True
         wanted = self._control.followed
-        sinks = wanted is None or wanted.velocity is None or wanted.velocity[2] < _SINKS
+        sinks = wanted is None or wanted.velocity is None or wanted.velocity[2] < _SINK_SPEED
         return runner.leg.end is GROUND and sinks
 
     @property
@@ -184,9 +184,9 @@ class Vehicle:
         state and doesn't report itself armed, or the run ends while a pilot has control."""
         if self._override.away and self.requests.retired is not None:
             return True
-        if self.runner.flight is not GROUND or self.requests.waiting:
+        if self.runner.off_ground or self.requests.waiting:
             return False
-        if self.link_age < _STALE and self.link_out.armed and self.link_out.override is None:
+        if self.link_age < _REPORT_AGE_S and self.link_out.armed and self.link_out.override is None:
             return self._arming.gave_up
         return not self._reactions.falls(self.now) and not self.runner.state.transitions
 

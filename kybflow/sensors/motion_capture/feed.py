@@ -14,7 +14,7 @@ from kybflow.core.errors import described
 from kybflow.core.signals import Time
 from kybflow.sensors._stream import CHUNK, PoseSource, TrackerPose, Waker
 
-SILENT = 10.0
+SILENCE_S = 10.0
 """Seconds without data after which the process is restarted."""
 FIRST_PAUSE, LONGEST_PAUSE = 1.0, 8.0
 """Pauses before a restart, seconds; doubled as long as no frame arrives."""
@@ -104,17 +104,17 @@ class Feed:
             process.communicate()
 
     def _read(self, process: subprocess.Popen[bytes]) -> None:
-        """Deliver frames until the process ends or sends nothing for `SILENT` seconds, or `end` is
-        called."""
+        """Deliver frames until the process ends or sends nothing for `SILENCE_S`, or `end`
+        is called."""
         assert process.stdout is not None
         waiting = b""
         with selectors.DefaultSelector() as selector:
             selector.register(process.stdout, selectors.EVENT_READ)
             selector.register(self._waker.receiver, selectors.EVENT_READ)
             while not self._waker.ended.is_set():
-                ready = [key.fileobj for key, _ in selector.select(SILENT)]
+                ready = [key.fileobj for key, _ in selector.select(SILENCE_S)]
                 if not ready:
-                    self._reason = f"no data for {SILENT:g} s"
+                    self._reason = f"no data for {SILENCE_S:g} s"
                     return
                 if process.stdout not in ready:
                     self._waker.drain()

@@ -32,7 +32,7 @@ from kybflow.sensors.vrpn.codec import (
     encode_lob,
 )
 
-TIMEOUT = 2.0
+WAIT_S = 2.0
 """Seconds to wait for a server's answer. Requests by datagram must be at least this far apart."""
 _AT_ONCE = struct.pack("ii", 1, 0)
 """Value of SO_LINGER with which a socket closes by a reset when the server has gone, so that a new
@@ -80,10 +80,10 @@ class Connection:
         self._stream: socket.socket | None = None
         try:
             if address.direct:
-                self._stream = socket.create_connection((address.host, address.port), TIMEOUT)
+                self._stream = socket.create_connection((address.host, address.port), WAIT_S)
             else:
                 self._stream = self._ask(address)
-            self._stream.settimeout(TIMEOUT)
+            self._stream.settimeout(WAIT_S)
             self._stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._server = self._stream.getpeername()[0]
             self._stream.sendall(COOKIE)
@@ -155,7 +155,7 @@ class Connection:
         with selectors.DefaultSelector() as selector:
             selector.register(listener, selectors.EVENT_READ)
             selector.register(self._waker.receiver, selectors.EVENT_READ)
-            deadline = time.monotonic() + TIMEOUT
+            deadline = time.monotonic() + WAIT_S
             while (left := deadline - time.monotonic()) > 0.0:
                 ready = [key.fileobj for key, _ in selector.select(left)]
                 if listener in ready:
@@ -170,9 +170,9 @@ FIRST_PAUSE, LONGEST_PAUSE = 0.1, 2.0
 """Seconds between the starts of two attempts to connect: the first value, doubled after each
 failure up to the second."""
 PING_EVERY: Time = NS
-SILENT: Time = 5 * NS
+SILENCE_NS: Time = 5 * NS
 """Time without data, in spite of pings, after which the connection counts as lost."""
-REORDERED: Time = NS // 5
+REORDERING_NS: Time = NS // 5
 """A time stamp that is older than the last by less than this belongs to a reordered message. A
 larger step back means that the server's clock was set."""
 
@@ -295,7 +295,7 @@ class _Reader:
 
     def receive(self, wanted: Mapping[Key, tuple[VrpnSubscription, ...]]) -> None:
         """Wait for data until the next ping may be due, and deliver it. Raises TimeoutError if the
-        server sends nothing for `SILENT`."""
+        server sends nothing for `SILENCE_NS`."""
         stream, datagrams = self._connection.wait(PING_EVERY / NS / 4)
         now = self._clock()
         is_connected = self.peer.is_connected
@@ -308,8 +308,8 @@ class _Reader:
                 continue  # datagrams may come from anywhere
         if stream or datagrams:
             self._last_data = now
-        elif now - self._last_data > SILENT:
-            raise TimeoutError(f"no data for {SILENT / NS:g} s")
+        elif now - self._last_data > SILENCE_NS:
+            raise TimeoutError(f"no data for {SILENCE_NS / NS:g} s")
         if self.peer.is_connected:
             if not is_connected and self._connection.here is not None:
                 self._connection.send(self.peer.ask_for_datagrams(*self._connection.here))
@@ -336,7 +336,7 @@ class _Reader:
             key = Key(sender, what.sensor)
             here = stamp + self._offset.of(now, stamp)
             if not self._offset.is_doubted:
-                if 0 <= self.last.get(key, stamp - 1) - stamp < REORDERED:
+                if 0 <= self.last.get(key, stamp - 1) - stamp < REORDERING_NS:
                     continue
                 self.last[key] = stamp
             self._last_pose[sender] = now

@@ -35,7 +35,7 @@ POSE, PING, PONG, TEXT = (
     "vrpn_Base pong_message",
     "vrpn_Base text_message",
 )
-LONGEST = 64_000
+MAX_MESSAGE = 64_000
 """Longest message, bytes; the size of a peer's buffer."""
 LONGEST_NAME, MOST_NAMES = 99, 2000
 _HEADER = struct.Struct(">IIIiiI")
@@ -80,8 +80,8 @@ def check_cookie(cookie: bytes) -> str:
 
 def encode(message: Message, sequence: int = 0) -> bytes:
     length = _HEADER.size + len(message.payload)
-    if length > LONGEST:
-        raise CodecError(f"a message of {length} bytes is longer than {LONGEST}")
+    if length > MAX_MESSAGE:
+        raise CodecError(f"a message of {length} bytes is longer than {MAX_MESSAGE}")
     seconds, rest = divmod(message.stamp // _MICROSECOND, 1_000_000)
     try:
         header = _HEADER.pack(
@@ -131,8 +131,8 @@ def _split(data: bytes | bytearray) -> tuple[list[Message], int]:
     at, size = 0, _HEADER.size
     while at + size <= len(data):
         length, seconds, rest, sender, kind, _ = _HEADER.unpack_from(data, at)
-        if not size <= length <= LONGEST:
-            raise CodecError(f"a message of {length} bytes, which can have {size} to {LONGEST}")
+        if not size <= length <= MAX_MESSAGE:
+            raise CodecError(f"a message of {length} bytes, which can have {size} to {MAX_MESSAGE}")
         if at + length + -length % 8 > len(data):
             break
         stamp = (seconds * 1_000_000 + rest) * _MICROSECOND

@@ -62,16 +62,16 @@ _LEAST = {
 """The kinds whose standard deviation is estimated from residuals, with its smallest value."""
 _KEPT = frozenset({"velocity", "rates"})
 """The kinds without outlier rejection."""
-_ENOUGH = 12.0
+_MIN_RESIDUALS = 12.0
 """Smallest number of remaining residuals from which a standard deviation is estimated."""
-_FAR = 5.0
+_SIGMAS = 5.0
 """Number of standard deviations above which a residual is an outlier."""
-_NORMAL = 1.4826
+_MAD_RATIO = 1.4826
 """Ratio of a normal distribution's standard deviation to the median of its absolute values."""
 _ROUNDS = 3
-_LONG = 1e4
+_MAX_STEP = 1e4
 """Largest first step, standard deviations."""
-_DONE = 1e-7
+_MIN_STEP = 1e-7
 
 
 class Adjusted(NamedTuple):
@@ -120,7 +120,7 @@ def _solved(walk: Walk, begun: Adjusted, loss: str) -> Array:
         )
 
     none = numpy.zeros(walk.size)
-    found = least_squares(residuals, none, jacobian, loss=loss, x_scale=_LONG, ftol=_DONE)
+    found = least_squares(residuals, none, jacobian, loss=loss, x_scale=_MAX_STEP, ftol=_MIN_STEP)
     x: Array = begun.x + whole @ found.x
     return x
 
@@ -160,11 +160,11 @@ def _weighed(walk: Walk, x: Array, before: Adjusted) -> Adjusted:
         own = _sparse(block, walk.size)
         spent = float((covariance * (own.T @ own).toarray()).sum())
         remains = count - spent
-        if remains < _ENOUGH:
+        if remains < _MIN_RESIDUALS:
             continue
-        scale = _NORMAL * float(numpy.median(numpy.abs(block.values))) * (count / remains) ** 0.5
+        scale = _MAD_RATIO * float(numpy.median(numpy.abs(block.values))) * (count / remains) ** 0.5
         scale = max(scale, _LEAST[kind] / before.sigma[kind])
-        far = numpy.inf if kind in _KEPT else _FAR * scale
+        far = numpy.inf if kind in _KEPT else _SIGMAS * scale
         wrong = block.unit[numpy.abs(block.values).max(axis=1) > far]
         within = ~numpy.isin(block.unit, wrong)
         if not within.any():

@@ -32,7 +32,7 @@ Array = NDArray[Any]
 _GRID = 0.05
 _GAP = 0.1
 """Largest gap between two poses to interpolate, seconds."""
-_AROUND = 0.01
+_STEP_S = 0.01
 """Half the interval of the finite differences that give velocities, seconds."""
 _SHARE = 0.5
 """Smallest share of the frames that the track must cover."""
@@ -54,14 +54,14 @@ def reference_at(track: RecordedTrack, times: Array, offset: float) -> KnownPose
 
     at = times + offset
     after = numpy.searchsorted(track.time, at)
-    inside = numpy.flatnonzero((at > track.time[0] + _AROUND) & (at < track.time[-1] - _AROUND))
+    inside = numpy.flatnonzero((at > track.time[0] + _STEP_S) & (at < track.time[-1] - _STEP_S))
     inside = inside[numpy.diff(track.time)[after[inside] - 1] < _GAP]
     turning = Slerp(track.time, Rotation.from_quat(numpy.roll(track.attitude, -1, axis=1)))
-    before, now, then = (at[inside] + shift for shift in (-_AROUND, 0.0, _AROUND))
+    before, now, then = (at[inside] + shift for shift in (-_STEP_S, 0.0, _STEP_S))
     body = turning(now).as_matrix()
     turned = numpy.swapaxes(turning(before).as_matrix(), 1, 2) @ turning(then).as_matrix()
     moved = _positions(track, then) - _positions(track, before)
-    over = 2.0 * _AROUND
+    over = 2.0 * _STEP_S
     rates = rotation_vector(turned) / over
     return KnownPoses(inside, _positions(track, now), body, moved / over, rates)
 
@@ -95,7 +95,7 @@ _COLUMNS: dict[str, Dimension | None] = {
     **dict.fromkeys(_ANGLES, ANGLE),
 }
 _LIKE = "time, x, y, z, qw, qx, qy, qz"
-_UNIT = 0.01
+_NORM_TOLERANCE = 0.01
 """Largest deviation of a quaternion's squared norm from 1."""
 
 
@@ -117,7 +117,7 @@ def read_poses(text: str) -> RecordedTrack:
             continue
         w, x, y, z = (numbers[name] for name in _QUATERNION)
         square = w * w + x * x + y * y + z * z
-        if abs(square - 1.0) > _UNIT:
+        if abs(square - 1.0) > _NORM_TOLERANCE:
             raise FileError(f"the quaternion's length is {square**0.5:.2f}, not 1", line)
         scale = square**-0.5
         attitudes.append((w * scale, x * scale, y * scale, z * scale))

@@ -101,12 +101,12 @@ def _frames(path: Path, camera: Camera) -> Iterator[WalkFrame]:
 
 Array = NDArray[Any]
 
-MOST = 100
+MOST_FRAMES = 100
 """Largest number of frames to use."""
-_FEWEST = 5
-_OFF = 2.0
+_MIN_FRAMES = 5
+_MAX_OFFSET = 2.0
 """Largest distance of tags from their positions predicted by the first corrections, pixels."""
-_DETERMINED = 0.5
+_DETERMINED_SHARE = 0.5
 """Fraction of its prior standard deviation below which a correction counts as determined."""
 
 
@@ -160,7 +160,7 @@ class WalkCalibration:
     def is_determined(self, spread: float, kind: str) -> bool:
         """Return whether the walk determines a correction clearly better than its prior. spread:
         the correction's standard deviation."""
-        return spread < _DETERMINED * BELIEVED[kind]
+        return spread < _DETERMINED_SHARE * BELIEVED[kind]
 
     @property
     def displaced(self) -> NDArray[numpy.bool_]:
@@ -228,9 +228,9 @@ def _observed(
     if len(keys) == 1:
         ((family, number),) = keys
         raise CalibrationFailed(f"only one tag is found, {number} of {family}: it tells no map")
-    if len(shown) < _FEWEST:
+    if len(shown) < _MIN_FRAMES:
         message = f"{len(shown)} of {len(frames)} frames show two tags or more"
-        raise CalibrationFailed(f"{message}; {_FEWEST} are needed, and 50 are good")
+        raise CalibrationFailed(f"{message}; {_MIN_FRAMES} are needed, and 50 are good")
     listed = [tag for tag in tags if tag.key in keys]
     at, turn = (numpy.array(part) for part in zip(*lenses, strict=True))
     return Walk(camera, listed, at, turn, _seen(views, listed)), shown
@@ -254,7 +254,7 @@ def _searched(frames: Sequence[WalkFrame], walk: Walk, rough: Adjusted) -> Walk:
     camera, tags = found.camera._replace(position=ZERO, attitude=LEVEL), found.tags
     at, turn, _ = poses(walk, rough.x)
     views = [
-        search.find(frame.image, camera, (_vec3(p), _quaternion(c)), tags, _OFF)[0]
+        search.find(frame.image, camera, (_vec3(p), _quaternion(c)), tags, _MAX_OFFSET)[0]
         for frame, p, c in zip(frames, at, turn, strict=True)
     ]
     return replace(walk, at=at, turn=turn, seen=_seen(views, tags))

@@ -133,9 +133,9 @@ def _cross(a: Array, b: Array) -> Array:
     return numpy.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)
 
 
-_STEPS, _CONVEX = 12, 2
+_STEPS, _HUBER_STEPS = 12, 2
 """Largest number of iterations, and how many of them use Huber's weights."""
-_DONE = 1e-5
+_MIN_STEP = 1e-5
 """Step below which the iteration stops, metres and radians."""
 LEAST_ERROR, MOST_ERROR = 0.1, 3.0
 """Smallest assumed error of corners, and largest median error of a valid pose, pixels."""
@@ -210,12 +210,12 @@ def refined(sights: Sequence[Sight], at: Array, body: Array) -> Fit:
         residuals = numpy.concatenate([part[0] for part in parts])
         slack = numpy.concatenate([s.slack(c) for s, (_, _, c) in zip(sights, parts, strict=True)])
         errors = numpy.sqrt(mean_squares(counts, residuals)) / slack
-        weights = _weights(errors, convex=i < _CONVEX)
+        weights = _weights(errors, convex=i < _HUBER_STEPS)
         slopes = [s.slopes(body, b, c, size) for s, (_, b, c) in zip(sights, parts, strict=True)]
         jacobian = numpy.concatenate(slopes).reshape(-1, size)
         weighted = jacobian * numpy.repeat(weights / slack**2, 8)[:, None]
         normal = weighted.T @ jacobian + numpy.diag(prior)
-        if i >= _CONVEX and numpy.abs(step[:6]).max() < _DONE:
+        if i >= _HUBER_STEPS and numpy.abs(step[:6]).max() < _MIN_STEP:
             break
         slope = weighted.T @ residuals.ravel()
         slope[6:] += prior[6:] * more[: size - 6]

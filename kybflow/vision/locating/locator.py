@@ -132,20 +132,20 @@ def _best(
     return numpy.array((dx[best], dy[best])), float(alike[best])
 
 
-_CLOSE = 6.0
+_CLOSE_DISTANCE = 6.0
 """Largest distance of tags from their predicted positions if the prediction is a located pose,
 pixels."""
-_MOVED = 4.0
+_REPEATED_ERROR = 4.0
 """Error of the prediction above which the search is repeated from its result, pixels."""
-_SURE = 3.0
+_SIGMAS = 3.0
 """Half-width of the search, in standard deviations of the prediction."""
-_NARROW, _WIDEST = 12.0, 100.0
+_MIN_DISTANCE, _MAX_DISTANCE = 12.0, 100.0
 """Smallest search distance, and the largest of the wide search, pixels."""
-_ENOUGH, _SHARE = 3, 0.4
+_MIN_TAGS, _SHARE = 3, 0.4
 """Number of tags that a pose needs (all of them, if fewer should be in view), and the share of the
 tags in view that it needs."""
 _MOST_SKIPPED = 4
-_GRAZING = 0.05
+_GRAZING_COSINE = 0.05
 
 
 class Prediction(NamedTuple):
@@ -218,18 +218,18 @@ class Locator:
         pose."""
         pose, motion = (prediction.position, prediction.attitude), prediction.motion
         off = max(
-            _NARROW,
-            self._pixels(frames, pose, _SURE * prediction.spread, _SURE * prediction.turn),
+            _MIN_DISTANCE,
+            self._pixels(frames, pose, _SIGMAS * prediction.spread, _SIGMAS * prediction.turn),
         )
         located, holds = self._searched(frames, pose, motion, off)
         if holds:
             return located, True
-        wide = min(off, _WIDEST)
+        wide = min(off, _MAX_DISTANCE)
         seen = self._seen(frames, pose)
         rough = locate([self._wide.find(*s, off=wide) for s in seen], pose, motion, self._survey)
         if rough is None:
             return located, False
-        again, holds = self._searched(frames, rough[:2], motion, _NARROW)
+        again, holds = self._searched(frames, rough[:2], motion, _MIN_DISTANCE)
         return (again, holds) if again is not None else (located, False)
 
     def _detected(self, frames: Sequence[Frame], motion: BodyMotion) -> Located | None:
@@ -243,7 +243,7 @@ class Locator:
         rough = locate(views, None, motion, self._survey)
         if rough is None:
             return None
-        located, holds = self._searched(frames, rough[:2], motion, _CLOSE)
+        located, holds = self._searched(frames, rough[:2], motion, _CLOSE_DISTANCE)
         return located if holds else None
 
     def _searched(
@@ -258,10 +258,10 @@ class Locator:
         metres = float(numpy.linalg.norm(numpy.subtract(pose[0], located.position)))
         cosine = abs(sum(a * b for a, b in zip(pose[1], located.attitude, strict=True)))
         turn = 2.0 * max(0.0, 2.0 * (1.0 - min(1.0, cosine))) ** 0.5  # of small angles
-        if off > _CLOSE and self._pixels(frames, pose, metres, turn) > _MOVED:
-            return self._searched(frames, located[:2], motion, _CLOSE)
+        if off > _CLOSE_DISTANCE and self._pixels(frames, pose, metres, turn) > _REPEATED_ERROR:
+            return self._searched(frames, located[:2], motion, _CLOSE_DISTANCE)
         expected = sum(count for _, count in views)
-        return located, len(located.used) >= max(min(_ENOUGH, expected), _SHARE * expected)
+        return located, len(located.used) >= max(min(_MIN_TAGS, expected), _SHARE * expected)
 
     def _seen(
         self, frames: Sequence[Frame], pose: Start
@@ -274,7 +274,7 @@ class Locator:
             at, turn = optical_pose(camera, *pose)
             rays = self._rims[camera.name] @ rotation(turn).T
             far = self._largest * camera.lens.fx / LEAST_SIDE
-            down = numpy.maximum(-rays[:, 2], _GRAZING)
+            down = numpy.maximum(-rays[:, 2], _GRAZING_COSINE)
             reach = numpy.clip((at[2] - self._lowest) / down, 0.0, far)
             ends = numpy.vstack((rays[:, :2] * reach[:, None], (0.0, 0.0))) + at[:2]
             low, high = ends.min(axis=0), ends.max(axis=0)

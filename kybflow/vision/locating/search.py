@@ -34,14 +34,14 @@ from kybflow.world.tags import Key, Tag
 
 Array = NDArray[Any]
 
-_MOST = 48
+_MOST_TAGS = 48
 """Largest number of tags to search for, the largest ones first; more don't improve the pose."""
 _MARGIN = 3.0
 """Smallest distance of points from the image's edge, pixels."""
-_SMALLEST = 2.0
+_MIN_CELL = 2.0
 """Smallest size of a cell, pixels."""
 _PLENTY, _CORNERS = 6, 2
-_REMEMBERED = 2000
+_REMEMBERED_TAGS = 2000
 PROFILES = 12
 ALONG = (numpy.arange(PROFILES) + 1.0) / (PROFILES + 1.0)
 """Positions of the profiles along a side, as fractions of its length."""
@@ -73,7 +73,7 @@ class Shapes:
         """Return the tags that are entirely in the image, seen from the front and large enough,
         with their shapes. If these are few, tags with only two corners in the image are returned as
         well."""
-        if len(self._shapes) > _REMEMBERED:
+        if len(self._shapes) > _REMEMBERED_TAGS:
             self._shapes.clear()
         near = list(tags)
         if not near:
@@ -86,13 +86,13 @@ class Shapes:
         ax, ay = (pixels[:, 2] - pixels[:, 0]).T
         bx, by = (pixels[:, 3] - pixels[:, 1]).T
         area = 0.5 * (ax * by - ay * bx)
-        least = numpy.array([(shape.size * _SMALLEST) ** 2 for shape in shapes])
+        least = numpy.array([(shape.size * _MIN_CELL) ** 2 for shape in shapes])
         large = visible.all(axis=1) & (area > least)
         whole = large & inside.all(axis=1)
         good = numpy.flatnonzero(
             whole if whole.sum() >= _PLENTY else large & (inside.sum(axis=1) >= _CORNERS)
         )
-        largest = good[numpy.argsort(-area[good], kind="stable")][:_MOST]
+        largest = good[numpy.argsort(-area[good], kind="stable")][:_MOST_TAGS]
         return [near[i] for i in largest], [shapes[i] for i in largest]
 
     def _shape(self, tag: Tag) -> Shape:
@@ -126,17 +126,17 @@ def cell_sizes(sides: Array, shapes: Sequence[Shape]) -> Array:
     return size
 
 
-_LONGEST = 1.4
+_MAX_SHIFT = 1.4
 """Largest shift of a side, cells."""
 _STEPS = 8
 """Samples of a profile to either side."""
-_FINE, _FINE_LEAST, _FINE_MOST = 0.45, 1.5, 3.5
+_FINE_LENGTH, _FINE_LEAST, _FINE_MOST = 0.45, 1.5, 3.5
 """Half the length of a fine profile, cells; its limits, pixels."""
 _ALIKE = 0.8
 _LEAST_CORNERS, _LEAST_PROFILES, _LEAST_SHARE = 2, 4, 0.3
 """What must be visible of a tag that is partly outside the image: the number of its corners, the
 number of profiles of each side at these corners, and the share of its cells."""
-_GROWN = 0.6
+_MAX_GROWTH = 0.6
 """Largest difference between a tag's size and its prediction, cells."""
 _ACROSS = numpy.linspace(-1.0, 1.0, 2 * _STEPS + 1)
 
@@ -161,12 +161,14 @@ class Search:
         shown = inside[:, :, 1:-1].sum(axis=2) >= _LEAST_PROFILES
         valid = inside[:, :, 0] & shown & numpy.roll(shown, 1, axis=1)
         profiles = inside[:, :, 1:-1].astype(numpy.float32)
-        corners = _coarse(image, sides, profiles, numpy.minimum(off + 2.0, _LONGEST * cell))
-        reach = numpy.clip(_FINE * cell, _FINE_LEAST, _FINE_MOST)
+        corners = _coarse(image, sides, profiles, numpy.minimum(off + 2.0, _MAX_SHIFT * cell))
+        reach = numpy.clip(_FINE_LENGTH * cell, _FINE_LEAST, _FINE_MOST)
         shifts, grown = _fine(image, sides, profiles, _held(corners, valid), reach)
         alike = _likeness(image, camera, pose, shapes, _held(shifts, valid))
         grown[~valid.all(axis=1)] = 0.0
-        good = (alike >= _ALIKE) & (grown < _GROWN * cell) & (valid.sum(axis=1) >= _LEAST_CORNERS)
+        good = (
+            (alike >= _ALIKE) & (grown < _MAX_GROWTH * cell) & (valid.sum(axis=1) >= _LEAST_CORNERS)
+        )
         seen = numpy.flatnonzero(good)
         found = numpy.where(valid[..., None], sides[:, :, 0] + shifts, numpy.nan)
         return TagView(camera, [chosen[i] for i in seen], found[seen]), len(chosen)

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 import numpy
 from numpy.typing import NDArray
 
-from kybflow.flight.fusion.covariance import WANDERING
+from kybflow.flight.fusion.covariance import WANDERERS
 from kybflow.vision.locating.locate import BodyMotion, Located, Sight, TagView
 from kybflow.vision.projection import rotation
 from kybflow.world.cameras import CalibrationErrors, share_of
@@ -72,12 +72,12 @@ def systematic(
         normal += (weighted @ jacobian).sum(axis=0)
         shares.append((view, jacobian, weighted, c))
     pose_of = numpy.linalg.inv(normal)
-    slopes = numpy.zeros((6, WANDERING + _OF_CAMERA * len(cameras) + 1))
+    slopes = numpy.zeros((6, WANDERERS + _OF_CAMERA * len(cameras) + 1))
     of_map = [_of_map(*share[:3], errors) for share in shares]
     wide = pose_of @ numpy.concatenate(of_map, axis=1)
-    slopes[:, :WANDERING] = numpy.linalg.cholesky(wide @ wide.T + _ROUNDING * numpy.eye(6))
+    slopes[:, :WANDERERS] = numpy.linalg.cholesky(wide @ wide.T + _ROUNDING * numpy.eye(6))
     for sight, (view, jacobian, weighted, c) in zip(sights, shares, strict=True):
-        first = WANDERING + _OF_CAMERA * cameras.index(view.camera.name)
+        first = WANDERERS + _OF_CAMERA * cameras.index(view.camera.name)
         pulled = numpy.hstack(
             (
                 _of_lens(sight, weighted, c, errors),

@@ -18,21 +18,21 @@ import numpy
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Truth
 from kybflow.vision.projection import Array
-from kybflow.vision.rendering.floor import QUIET, Floor, Sheet, swapped
+from kybflow.vision.rendering.floor import QUIET_ZONE, Floor, Sheet, swapped
 from kybflow.vision.rendering.shot import FLOOR, NO_MAP, Grid, Region, Shot, grid
 from kybflow.vision.rendering.solids import NONE, Solid, Solids, cover, hides
 from kybflow.world.cameras import SOUND, Camera, Optics, Weakness
 from kybflow.world.shapes import Shape
 from kybflow.world.tags import TagMap
 
-_FINE, _COARSE = 8, 80
+_VIEW_SPACING, _MOTION_SPACING = 8, 80
 """Distance between the grid nodes for the view, and for the motion in it, pixels."""
 _TEXEL = 1.25
 """Size of a print's texel, pixels."""
 _LEAST_TEXELS, _MOST_TEXELS = 0.6, 64
 _RIM = 3
 """Pixels by which distortion may curve a tag's edges beyond its outline."""
-_LARGEST = 0.5
+_MAX_RADIUS = 0.5
 """Radius of the largest tag, metres."""
 _PATCH_GREY = 90
 
@@ -72,7 +72,7 @@ class Room:
             return noise.expose(numpy.zeros((lens.height, lens.width), numpy.uint8), optics)
         solids = self._solids.in_view(shot, body.payload)
         image = _light(self._floor, solids, shot, optics, optics.covered + weakness.covered)
-        nodes = grid(lens, _COARSE)
+        nodes = grid(lens, _MOTION_SPACING)
         image = blur_motion(image, motion(shot, nodes, optics.exposure), nodes)
         image = blur_lens(image, optics, lens.fx, depth, weakness.blur)
         return noise.expose(image, optics)
@@ -92,7 +92,7 @@ def _light(
     floor: Floor, solids: Sequence[Solid], shot: Shot, optics: Optics, covered: float
 ) -> Array:
     """Return the sharp image, in which white paper is 255."""
-    nodes = grid(shot.camera.lens, _FINE)
+    nodes = grid(shot.camera.lens, _VIEW_SPACING)
     met = shot.meet(nodes, FLOOR)[..., :2]
     places = nodes.fill(met, nodes.whole)
     image = floor.image(places, met.min(axis=(0, 1)))
@@ -150,7 +150,7 @@ def _in_view(floor: Floor, shot: Shot, met: Array, missing: float) -> list[_View
     for i in numpy.flatnonzero(~whole | (last > first).all(axis=1)):
         region = Region(*boxes[i]) if whole[i] else _region(sheets[i], shot, met)
         side = float((high[i] - low[i]).max()) if whole[i] else inf  # of the paper, pixels
-        texels = min(side / (sheets[i].cells + 2 * QUIET) / _TEXEL, _MOST_TEXELS)
+        texels = min(side / (sheets[i].cells + 2 * QUIET_ZONE) / _TEXEL, _MOST_TEXELS)
         if region is not None and texels >= _LEAST_TEXELS:
             away = float(numpy.linalg.norm(shot.place - sheets[i].tag.position))
             views.append(_View(sheets[i], region, round(texels), away))
@@ -163,7 +163,7 @@ def _near(floor: Floor, shot: Shot, met: Array) -> list[Sheet]:
     low = numpy.minimum(met.min(axis=(0, 1)), shot.place[:2])
     high = numpy.maximum(met.max(axis=(0, 1)), shot.place[:2])
     (x, y), (left, bottom), (right, top) = (a.tolist() for a in (0.5 * (low + high), low, high))
-    near = floor.sheets(x, y, 0.5 * hypot(right - left, top - bottom) + _LARGEST)
+    near = floor.sheets(x, y, 0.5 * hypot(right - left, top - bottom) + _MAX_RADIUS)
     return [
         sheet
         for sheet in near
@@ -175,11 +175,11 @@ def _near(floor: Floor, shot: Shot, met: Array) -> list[Sheet]:
 def _region(sheet: Sheet, shot: Shot, met: Array) -> Region | None:
     """Return the pixels that a tag covers if the lens can't image some of its corners, from the
     rays through the nodes of the view's grid; None if no ray hits it."""
-    nodes = grid(shot.camera.lens, _FINE)
+    nodes = grid(shot.camera.lens, _VIEW_SPACING)
     if sheet.plane is not FLOOR:
         met = shot.meet(nodes, sheet.plane)[..., :2]
     at = met @ sheet.to_cells[:, :2].T + sheet.to_cells[:, 2]
-    within = ((at > -QUIET) & (at < sheet.cells + QUIET)).all(axis=2)
+    within = ((at > -QUIET_ZONE) & (at < sheet.cells + QUIET_ZONE)).all(axis=2)
     return nodes.beside(within) if within.any() else None
 
 
@@ -199,7 +199,7 @@ def _texels(view: _View, shot: Shot, nodes: Grid, places: Array | None = None) -
 
 def _draw_paper(image: Array, view: _View, texels: Array) -> None:
     """Draw the white paper, including the quiet zone."""
-    rim = QUIET * view.texels
+    rim = QUIET_ZONE * view.texels
     low, high = 0.5 - rim, view.sheet.cells * view.texels + rim + 0.5
     part = image[_pixels(view.region)]
     cv2.max(part, cv2.inRange(texels, (low, low), (high, high)), dst=part)
@@ -227,11 +227,11 @@ def _pixels(region: Region) -> tuple[slice, slice]:
     return slice(region.top, region.bottom), slice(region.left, region.right)
 
 
-_SHARP = 0.1
+_MIN_BLUR = 0.1
 """Smallest blur to apply, pixels."""
-_EVEN = 1.0
+_UNIFORM_MOTION = 1.0
 """Largest variation of the motion over the image that counts as uniform, pixels."""
-_APART, _MOST_IMAGES = 1.5, 16
+_IMAGE_SPACING, _MOST_IMAGES = 1.5, 16
 """Distance between displaced images, pixels, and their largest number, which takes precedence."""
 
 
@@ -241,12 +241,12 @@ def blur_motion(image: Array, motion: Array, nodes: Grid) -> Array:
     kernel; other motion is the mean of displaced images."""
     inside = motion[1:-1, 1:-1]
     longest = float(numpy.linalg.norm(inside, axis=2).max())
-    if longest < _SHARP:
+    if longest < _MIN_BLUR:
         return image
     middle = inside.mean(axis=(0, 1))
-    if float(numpy.linalg.norm(inside - middle, axis=2).max()) < _EVEN:
+    if float(numpy.linalg.norm(inside - middle, axis=2).max()) < _UNIFORM_MOTION:
         return cv2.filter2D(image, -1, streak(*middle), borderType=cv2.BORDER_REPLICATE)
-    count = min(ceil(longest / _APART) + 1, _MOST_IMAGES)
+    count = min(ceil(longest / _IMAGE_SPACING) + 1, _MOST_IMAGES)
     moved = nodes.fill(motion, nodes.whole)
     still = nodes.fill(nodes.pixels, nodes.whole)
     total = numpy.zeros(image.shape, numpy.float32)
@@ -280,7 +280,7 @@ def blur_lens(image: Array, optics: Optics, pixels: float, depth: float, more: f
     lens). pixels: focal length, pixels. depth: metres. more: additional blur, pixels."""
     disc = optics.aperture * pixels * max(0.0, 1.0 / depth - 1.0 / optics.focus)
     deviation = hypot(optics.blur, 0.25 * disc, more)
-    if deviation < _SHARP:
+    if deviation < _MIN_BLUR:
         return image
     return cv2.GaussianBlur(image, (0, 0), deviation, borderType=cv2.BORDER_REPLICATE)
 

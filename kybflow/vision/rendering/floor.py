@@ -19,7 +19,7 @@ from kybflow.world.tags import Key, Tag, TagMap
 
 PAPER, INK = 255, 20
 """Grey levels of a print before the exposure."""
-QUIET = 1
+QUIET_ZONE = 1
 """Width of the white zone around the black square, cells."""
 TEXEL = 0.004
 """The size of a cell of the floor's pattern, metres."""
@@ -54,7 +54,7 @@ class Sheet:
         chance = random.Random(f"{seed}/{tag.family}/{tag.id}")
         self.tag = tag
         self.cells = cells(tag.family)
-        half = tag.size * (0.5 + QUIET / self.cells)
+        half = tag.size * (0.5 + QUIET_ZONE / self.cells)
         self.reach = half * sqrt(2.0)
         self.outline = numpy.array(
             [add(tag.position, rotate(tag.attitude, (half * x, half * y, 0.0))) for x, y in _RING]

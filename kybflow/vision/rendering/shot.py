@@ -89,7 +89,7 @@ def grid(lens: Lens, step: int) -> Grid:
 
 _NEAR = 1e-6
 _TOUCHING = 0.005
-FAR = 15.0
+MAX_DEPTH = 15.0
 """Largest depth that a camera sees, metres along its optical axis."""
 
 
@@ -134,12 +134,12 @@ class Shot:
         return body @ self._mount, at
 
     def depth(self) -> float | None:
-        """Return the distance of the floor along the optical axis, at most FAR, metres; None if the
-        lens touches it."""
+        """Return the distance of the floor along the optical axis, at most MAX_DEPTH, metres; None
+        if the lens touches it."""
         height, slope = float(self.place[2]), float(self._middle[2, 2])
         if height < _TOUCHING:
             return None
-        return min(height / -slope, FAR) if slope < 0.0 else FAR
+        return min(height / -slope, MAX_DEPTH) if slope < 0.0 else MAX_DEPTH
 
     def times(self, rows: Array) -> Array:
         """Return the times at which rows are exposed, seconds after the middle of the image's
@@ -171,14 +171,14 @@ class Shot:
     ) -> Array:
         """Return the points at which the nodes' rays hit a plane, (rows, columns, 3), in the
         plane's axes: right and up from its centre, and the height above it. The height is 0 unless
-        the ray reaches the depth FAR before the plane."""
+        the ray reaches the depth MAX_DEPTH before the plane."""
         rows, columns = where or (slice(None), slice(None))
         origins, rays = self._cast(grid)
         rays = rays[rows, columns] @ plane.axes.T
         begin = (origins[rows] - plane.centre) @ plane.axes.T
         with numpy.errstate(divide="ignore"):
             depth = -begin[:, None, 2] / rays[..., 2]
-        depth[~((depth > 0.0) & (depth < FAR))] = FAR
+        depth[~((depth > 0.0) & (depth < MAX_DEPTH))] = MAX_DEPTH
         met: Array = begin[:, None, :] + depth[..., None] * rays
         return met
 

@@ -20,18 +20,18 @@ import numpy
 
 from kybflow.core.geometry import Vec3, add, norm, scale, sub
 from kybflow.vision.projection import Array
-from kybflow.vision.rendering.shot import FAR, Shot, grid
+from kybflow.vision.rendering.shot import MAX_DEPTH, Shot, grid
 from kybflow.world.shapes import Box, Convex, Cylinder, Plane, Shape, Sphere, parts_of
 
 NONE: Mapping[str, Shape] = MappingProxyType({})
 _STEP = 8
 """Distance between the grid nodes that bound the image, pixels; also the number of points per edge
 of an outline."""
-_NEAR = 0.01
+_NEAR_PLANE = 0.01
 """Depth of the near clipping plane, metres."""
 _MARGIN = 0.03
 """Clipping margin around the image, as a tangent; points may move while rows are exposed."""
-_ROUND = 32
+_CORNERS = 32
 """Number of corners that stand for a circle."""
 _GREYS = 40, 200
 _TOUCHING, _STEPS = 0.005, 64
@@ -72,7 +72,7 @@ class Solids:
             rays = grid(shot.camera.lens, _STEP).rays
             wide = float(numpy.hypot(rays[..., 0], rays[..., 1]).max()) + _MARGIN
             aside = numpy.hypot(local[:, 0], local[:, 1]) - wide * local[:, 2]
-            depth = numpy.abs(local[:, 2] - 0.5 * FAR) - 0.5 * FAR
+            depth = numpy.abs(local[:, 2] - 0.5 * MAX_DEPTH) - 0.5 * MAX_DEPTH
             met = (depth < self._radii) & (aside < self._radii * sqrt(1.0 + wide * wide))
             near = [self._fixed[i] for i in numpy.flatnonzero(met)]
         if payload is not None:
@@ -117,7 +117,7 @@ def _rim(shot: Shot, corners: Array) -> Array:
     in the image."""
     (turn,), (at,) = shot.poses(numpy.zeros(1))
     local = (corners - at) @ turn
-    local = _part(local, local[:, 2] - _NEAR)
+    local = _part(local, local[:, 2] - _NEAR_PLANE)
     points = _hull(numpy.column_stack((local[:, :2], numpy.ones(len(local)))) / local[:, 2:])
     rays = grid(shot.camera.lens, _STEP).rays[..., :2]
     low, high = rays.min(axis=(0, 1)) - _MARGIN, rays.max(axis=(0, 1)) + _MARGIN
@@ -159,12 +159,12 @@ def _hull(points: Array) -> Array:
 
 def _corners(shape: Convex, eye: Vec3) -> Array:
     """Return points (n, 3) whose hull has the same outline as the shape, seen from `eye`."""
-    turn = numpy.linspace(0.0, 2.0 * pi, _ROUND, endpoint=False)
+    turn = numpy.linspace(0.0, 2.0 * pi, _CORNERS, endpoint=False)
     ring = numpy.column_stack((numpy.cos(turn), numpy.sin(turn)))
     match shape:
         case Cylinder((x, y, z), radius, height):
             level = radius * ring + (x, y)
-            ends = [numpy.column_stack((level, numpy.full(_ROUND, h))) for h in (z, z + height)]
+            ends = [numpy.column_stack((level, numpy.full(_CORNERS, h))) for h in (z, z + height)]
             return numpy.concatenate(ends)
         case Sphere(at, radius):
             # where rays are tangent: a circle around the line from the eye to the centre

@@ -15,8 +15,8 @@ from typing import NamedTuple
 SIGNATURE = b"PaVE"
 H264 = 4
 _LAYOUT = struct.Struct("<4sBBHIHHHHIIBBB")
-SHORTEST, LONGEST_HEADER = 64, 1024
-LARGEST = 1 << 20
+MIN_HEADER, LONGEST_HEADER = 64, 1024
+MAX_FRAME = 1 << 20
 """Largest plausible frame, bytes."""
 
 
@@ -62,7 +62,7 @@ class FrameCutter:
             drop = at if at >= 0 else max(0, len(self._data) - len(SIGNATURE) + 1)
             self.skipped += drop
             del self._data[:drop]
-            if len(self._data) < SHORTEST:
+            if len(self._data) < MIN_HEADER:
                 return frames
             frame, size = _frame(self._data)
             if size == 0:
@@ -80,7 +80,7 @@ def _frame(data: bytearray) -> tuple[VideoFrame | None, int]:
     (
         _, _, codec, header, payload, _, _, width, height, number, at, _, _, kind,
     ) = _LAYOUT.unpack_from(data)  # fmt: skip
-    if not SHORTEST <= header <= LONGEST_HEADER or payload > LARGEST:
+    if not MIN_HEADER <= header <= LONGEST_HEADER or payload > MAX_FRAME:
         return None, len(SIGNATURE)
     size = header + payload
     if len(data) < size:
@@ -90,8 +90,8 @@ def _frame(data: bytearray) -> tuple[VideoFrame | None, int]:
 
 def write_frame(frame: VideoFrame) -> bytes:
     header = _LAYOUT.pack(
-        SIGNATURE, 2, frame.codec, SHORTEST, len(frame.payload),
+        SIGNATURE, 2, frame.codec, MIN_HEADER, len(frame.payload),
         -(-frame.width // 16) * 16, -(-frame.height // 16) * 16, frame.width, frame.height,
         frame.number, frame.milliseconds & 0xFFFF_FFFF, 1, 0, frame.kind,
     )  # fmt: skip
-    return header.ljust(SHORTEST, b"\0") + frame.payload
+    return header.ljust(MIN_HEADER, b"\0") + frame.payload

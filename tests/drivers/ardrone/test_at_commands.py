@@ -65,7 +65,7 @@ def test_a_command_never_spans_datagrams_and_a_group_stays_together():
     groups = [[at.config_ids(at.Ids(*["00000000"] * 3)), at.config("a:b", "x" * 60)]] * 12
     packed, following = at.datagrams(groups, 1)
     assert following == 25
-    assert all(len(data) <= at.LONGEST for data in packed)
+    assert all(len(data) <= at.MAX_DATAGRAM for data in packed)
     assert len(packed) > 1
     for data in packed:
         names = [command.name for command in at.read_commands(data)]

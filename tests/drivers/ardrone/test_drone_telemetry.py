@@ -11,7 +11,7 @@ from part_bench import SITE
 from kybflow.core.geometry import GRAVITY, to_euler
 from kybflow.core.signals import NS, Battery, Imu, Odometry
 from kybflow.drivers.ardrone import navdata
-from kybflow.drivers.ardrone.navdata import WRAPS, DroneState, Packet, Phase
+from kybflow.drivers.ardrone.navdata import WRAP_S, DroneState, Packet, Phase
 from kybflow.drivers.ardrone.telemetry import DroneClock, Measurements
 
 CONTEXT = SITE._replace(start=(1.0, 2.0, 0.0), heading=pi / 2)
@@ -89,7 +89,7 @@ def test_packets_that_jitter_are_stamped_evenly():
         assert clock.dt == pytest.approx(0.0 if number == 0 else 0.005)
 
 
-@pytest.mark.parametrize("there", [lambda t: (WRAPS - 1.0 + t) % WRAPS, lambda t: t % 3.0])
+@pytest.mark.parametrize("there", [lambda t: (WRAP_S - 1.0 + t) % WRAP_S, lambda t: t % 3.0])
 def test_a_clock_that_wraps_or_starts_again_is_followed(there):
     clock = DroneClock()
     off = [

@@ -14,7 +14,7 @@ from kybflow.drivers.ardrone.at import Ids
 from kybflow.drivers.ardrone.navdata import DroneState, Phase, demo, read_packet
 from kybflow.drivers.emulated_ardrone.endpoint import Radio
 from kybflow.drivers.emulated_ardrone.ports import MemoryPorts
-from kybflow.drivers.emulated_ardrone.session import PERIOD, open_fleet
+from kybflow.drivers.emulated_ardrone.session import MAX_STEP_NS, open_fleet
 
 PLAIN = replace(QUIET, physics=250.0)
 
@@ -51,9 +51,9 @@ class DroneBench:
 
     def run(self, seconds, until=lambda: False):
         """Let time pass; whether `until` came true."""
-        for _ in range(round(seconds * NS / PERIOD)):
-            self.now += PERIOD
-            if self.lines and self.now % (5 * PERIOD) == 0:
+        for _ in range(round(seconds * NS / MAX_STEP_NS)):
+            self.now += MAX_STEP_NS
+            if self.lines and self.now % (5 * MAX_STEP_NS) == 0:
                 self.say(*self.lines)
             self.fleet.advance(self.now)
             while self.ports.sent:

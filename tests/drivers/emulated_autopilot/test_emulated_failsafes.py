@@ -27,7 +27,7 @@ from framing import (  # noqa: E402
 )
 
 from kybflow.core.signals import NS  # noqa: E402
-from kybflow.drivers.mavlink.control.arming import FORCED  # noqa: E402
+from kybflow.drivers.mavlink.control.arming import FORCE  # noqa: E402
 from kybflow.drivers.mavlink.telemetry.received_status import READY  # noqa: E402
 
 
@@ -302,7 +302,7 @@ def test_ardupilot_repeats_why_every_thirty_seconds():
 def test_a_plain_disarming_is_refused_in_the_air_and_a_forced_one_is_not(name):
     bench = Bench(name).take_off(1.0)
     assert bench.disarm() == (REJECTED if bench.px4 else FAILED)
-    assert bench.disarm(FORCED) == ACCEPTED
+    assert bench.disarm(FORCE) == ACCEPTED
     bench.run(1.0)
     assert bench.height < 0.1
 

@@ -140,7 +140,7 @@ def test_who_disarms_it_in_its_landing_has_not_landed_it(autopilot, tmp_path):
 class Cuts(Supervisor[NoParams]):
     """Asks for `cut` from `WRONG` on."""
 
-    def check(self, tick, airborne):
+    def check(self, tick, off_ground):
         wrong = WRONG * NS <= tick.now < (WRONG + 0.2) * NS
         return Alarm("alarmed", Reaction.CUT, "the test says so") if wrong else None
 

@@ -8,7 +8,7 @@ from scripted_autopilot import AIR, GROUND, RESTING, STREAM, UP, Bench, at, flyi
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO
-from kybflow.drivers.mavlink.control.arming import FORCED
+from kybflow.drivers.mavlink.control.arming import FORCE
 
 
 def order(fake, *kinds):
@@ -121,7 +121,7 @@ def test_cutting_is_by_force_and_repeated_until_the_rotors_rest():
     bench.fake.obeys = False
     bench.link.cut(bench.now)
     bench.run(2.0, RESTING)
-    asked = [m for m in bench.fake.commands(ARM) if m.param2 == FORCED]
+    asked = [m for m in bench.fake.commands(ARM) if m.param2 == FORCE]
     assert len(asked) >= 4
     assert {m.param1 for m in asked} == {0.0}
     bench.fake.obeys = True

@@ -9,7 +9,7 @@ from scripted_autopilot import BOTH, Bench, at, estimate, mavlink, standing
 
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS, Imu, Odometry
-from kybflow.drivers.mavlink.control.hover_throttle import USUAL, HoverThrottle
+from kybflow.drivers.mavlink.control.hover_throttle import USUAL_THROTTLE, HoverThrottle
 
 MS = 1_000_000
 FLOATS = ("float", "double")
@@ -97,6 +97,7 @@ def test_what_is_not_finite_goes_no_further(name):
         bench.tick()
         bench.link.tell_position(estimate(bench.now), bench.now)
         bench.link.send(at((0.0, 0.0, 1.0)), bench.now)
+        bench.link.prepare_preflight(bench.now)
         bench.link.checks(bench.now)
         out = [*bench.measured, bench.link.truth() or ()]
         assert all(isfinite(one) for value in out for one in numbers(value)), message
@@ -106,7 +107,7 @@ def test_what_is_not_finite_goes_no_further(name):
 
 def test_a_throttle_that_is_no_number_is_not_flown_with():
     throttle = HoverThrottle("MPC_THR_HOVER", 10.0, False).throttle({"MPC_THR_HOVER": nan})
-    assert throttle.hover == USUAL
+    assert throttle.hover == USUAL_THROTTLE
 
 
 def test_an_attitude_that_is_none_is_left_out():

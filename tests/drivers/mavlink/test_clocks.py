@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.telemetry.clocks import INTERVAL, MS, BootClock, TimeSync, boot_time
+from kybflow.drivers.mavlink.telemetry.clocks import MS, PERIOD_NS, BootClock, TimeSync, boot_time
 
 TICK: Time = 4 * MS
 BOOTED: Time = -40 * NS
@@ -124,7 +124,7 @@ def answers(sync: TimeSync, *delays: Time, since: Time = 0) -> list[Time]:
     were asked."""
     asked: list[Time] = []
     coming: list[tuple[Time, object]] = []
-    last = since + len(delays) * INTERVAL
+    last = since + len(delays) * PERIOD_NS
     for now in range(since, last + max(delays) + 1, TICK):
         for due, reply in [one for one in coming if one[0] <= now]:
             coming.remove((due, reply))
@@ -158,7 +158,7 @@ def test_messages_that_were_held_back_and_come_at_once_are_no_slow_link(held: in
     asked = [request for time in range(0, held + 1, 4) for request in sync.due(time * MS)]
     for request in asked:
         sync.handle(mavlink.MAVLink_timesync_message(5, request.ts1), held * MS)
-    assert sync.round_trip <= INTERVAL / NS
+    assert sync.round_trip <= PERIOD_NS / NS
 
 
 def test_answers_to_others_and_second_answers_are_not_ours() -> None:

@@ -14,7 +14,7 @@ from scripted_autopilot import estimate
 
 from kybflow.core.geometry import LEVEL, ZERO, add, norm, scale
 from kybflow.core.signals import NS, Odometry
-from kybflow.drivers.mavlink.telemetry.vision import SLOW, FrameDrift
+from kybflow.drivers.mavlink.telemetry.vision import DRIFT_TIME_S, FrameDrift
 
 OFF = (0.06, -0.04, 0.03)
 RATE = 50
@@ -34,9 +34,9 @@ def learn(drift, seconds, off=OFF, begin=0):
 
 def test_it_is_learnt_with_its_time_constant():
     drift = FrameDrift()
-    learn(drift, SLOW)
+    learn(drift, DRIFT_TIME_S)
     assert drift.anchor.offset == pytest.approx(scale(OFF, 1.0 - exp(-1.0)), rel=0.02)
-    learn(drift, 10.0 * SLOW)
+    learn(drift, 10.0 * DRIFT_TIME_S)
     assert drift.anchor.offset == pytest.approx(OFF, rel=1e-3)
     assert drift.anchor.heading == 0.0
 

@@ -86,6 +86,7 @@ def test_its_parameters_are_asked_for_by_the_preflight(copy: Path) -> None:
 from scripted_autopilot import Bench
 bench = Bench("acme")
 bench.run(3.0)
+bench.link.prepare_preflight(bench.now)
 for check in bench.link.checks(bench.now):
     print(check.name, check.green, check.reason)
 """

@@ -12,7 +12,7 @@ from framing import INTERVAL, REQUEST, SET_MODE
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.signals import NS
-from kybflow.drivers.mavlink.control.others import AGAIN, OtherCommanders
+from kybflow.drivers.mavlink.control.others import FINDING_REPEAT_NS, OtherCommanders
 
 POSITION, ACCELERATION = 0xDF8, 0xC3F
 """Masks that leave only the position, only the acceleration."""
@@ -141,7 +141,7 @@ def test_an_answer_to_somebody_else_names_him(
 
 
 def test_what_is_overheard_names_the_sender_once_in_ten_seconds(others: OtherCommanders) -> None:
-    for now in (0, NS, AGAIN):
+    for now in (0, NS, FINDING_REPEAT_NS):
         others.overheard(of(200, sent(POSITION, *HERE, *STILL, *STILL)), now)
     words = "system 200 commands it: SET_POSITION_TARGET_LOCAL_NED"
     assert others.take() == [words, words]

@@ -7,6 +7,7 @@ from framing import ARM
 from scripted_autopilot import BOTH, Bench, estimate, mavlink, standing
 
 from kybflow.core.errors import Refused
+from kybflow.core.signals import NS
 from kybflow.core.text import details, headline
 
 RUN_PREARM_CHECKS = mavlink.MAV_CMD_RUN_PREARM_CHECKS
@@ -22,6 +23,7 @@ def looked(bench: Bench, seconds: float = 3.0, tells: bool = True):
         bench.tick()
         if tells:
             bench.link.tell_position(estimate(bench.now), bench.now)
+        bench.link.prepare_preflight(bench.now)
         checks = bench.link.checks(bench.now)
     return {check.name: check for check in checks}
 
@@ -37,6 +39,18 @@ def test_one_that_stays_unready_is_asked_why_and_its_words_are_shown():
     assert "Preflight Fail: no battery" in looked(bench, 0.5)["autopilot"].reason
     looked(bench, 20.0)
     assert len(bench.fake.commands(RUN_PREARM_CHECKS)) == 3
+
+
+def test_asking_for_the_checks_sends_nothing():
+    bench = Bench()
+    bench.fake.ready = False
+    bench.run(1.0)
+    bench.fake.sent.clear()
+    for _ in range(500):
+        bench.now += NS // 50
+        bench.link.checks(bench.now)
+    bench.fake.step(bench.now)
+    assert bench.fake.sent == []
 
 
 def test_one_that_is_ready_is_asked_nothing():

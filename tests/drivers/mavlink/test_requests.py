@@ -10,7 +10,7 @@ from framing import ARM, INTERVAL, SET_MODE
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.signals import NS
-from kybflow.drivers.mavlink.control.arming import FORCED
+from kybflow.drivers.mavlink.control.arming import FORCE
 from kybflow.drivers.mavlink.control.requests import CommandRequest, CommandRequests, Modes
 from kybflow.drivers.mavlink.firmware import profile_of
 from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
@@ -160,7 +160,7 @@ def test_a_newer_request_on_the_same_matter_goes_at_once_and_ends_the_older() ->
     peer = Peer()
     arm = peer.ask(ARM, 1)
     peer.sent(0)
-    disarm = peer.ask(ARM, 0, FORCED, now=50 * MS)
+    disarm = peer.ask(ARM, 0, FORCE, now=50 * MS)
     assert (arm.outcome, arm.words) == ("refused", "a newer request took its place")
     assert peer.sent(50) == [(ARM, 0, 0)]
     peer.answer(ARM, 4, 60)

@@ -11,7 +11,7 @@ from scripted_autopilot import RESTING, STREAM, Bench, at, pushed, standing
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS, CommandKind, Setpoint, SetpointKind
-from kybflow.drivers.mavlink.control.arming import LIFTED
+from kybflow.drivers.mavlink.control.arming import LIFTED_BY
 from kybflow.drivers.mavlink.control.setpoints import Latency, SetpointStream, compensated, raised
 
 MS = NS // 1000
@@ -87,7 +87,7 @@ def test_what_is_no_place_stays_as_it_is():
 def test_px4_obeys_once_set_points_above_the_first_have_lifted_it():
     bench = standing("px4")
     assert bench.arm(command=at((1.0, 2.0, 0.1)))
-    assert bench.fake.position[2] >= LIFTED
+    assert bench.fake.position[2] >= LIFTED_BY
     lifting = [m for m in bench.fake.took(STREAM) if m.z == pytest.approx(-0.6)]
     assert lifting
     assert {(m.x, m.y, m.vz) for m in lifting} == {(2.0, 1.0, 0.0)}
@@ -129,7 +129,7 @@ def test_an_acceleration_is_pushed_up_by_what_grows_to_a_bound_and_keeps_its_pla
 def test_px4_obeys_by_acceleration_once_a_push_up_has_lifted_it():
     bench = standing("px4")
     assert bench.arm(command=pushed(-0.5))
-    assert bench.fake.position[2] >= LIFTED
+    assert bench.fake.position[2] >= LIFTED_BY
     armed = bench.fake.sent.index(bench.fake.commands(ARM)[0])
     before = [m.afz for m in bench.fake.sent[:armed] if m.get_type() == STREAM]
     assert before == pytest.approx([0.5] * len(before))

@@ -12,7 +12,13 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.errors import DriverError
 from kybflow.drivers.mavlink.protocol.framing import Counts, Packer, Parser
-from kybflow.drivers.mavlink.protocol.signing import EPOCH, SIGNATURE, STEP, Signing, read_key
+from kybflow.drivers.mavlink.protocol.signing import (
+    EPOCH_NS,
+    SIGNATURE_BYTES,
+    STAMP_STEP_NS,
+    Signing,
+    read_key,
+)
 
 KEY, OTHER = bytes(range(32)), bytes(32)
 SECOND = 1_000_000_000
@@ -25,7 +31,7 @@ class Wall:
     """A clock that stands: nanoseconds since 1970."""
 
     def __init__(self, seconds: float = 360_000_000.0) -> None:
-        self.now = EPOCH + round(seconds * SECOND)
+        self.now = EPOCH_NS + round(seconds * SECOND)
 
     def __call__(self) -> int:
         return self.now
@@ -60,13 +66,13 @@ def test_times_rise_while_the_clock_stands_or_goes_back() -> None:
         10_000_002,
         11_000_000,
     ]
-    assert first[-SIGNATURE] == 3
+    assert first[-SIGNATURE_BYTES] == 3
 
 
 def test_ours_are_not_older_than_what_was_heard() -> None:
     theirs, ours = signing(wall=Wall(2000.0)), signing(wall=Wall(1000.0))
     Parser(ours).parse(Packer(1, theirs).pack(ATTITUDE))
-    assert stamp(Packer(245, ours).pack(ATTITUDE)) == 2000 * SECOND // STEP + 1
+    assert stamp(Packer(245, ours).pack(ATTITUDE)) == 2000 * SECOND // STAMP_STEP_NS + 1
 
 
 def test_pymavlink_believes_ours_and_we_its() -> None:

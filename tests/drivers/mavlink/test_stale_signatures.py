@@ -15,7 +15,7 @@ from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.discovery import Discovery
 from kybflow.drivers.mavlink.protocol.framing import Packer, Parser
 from kybflow.drivers.mavlink.protocol.signing import Signing
-from kybflow.drivers.mavlink.transport.router import GONE, Router, heartbeat
+from kybflow.drivers.mavlink.transport.router import ADDRESS_TIMEOUT_NS, Router, heartbeat
 
 HOUR = 3600.0
 TODAY = 360_000_000.0
@@ -72,7 +72,7 @@ def test_who_has_not_the_secret_is_answered_nothing(wire: Datagrams, key: bytes 
 
 
 @pytest.mark.parametrize(
-    "silent", [NS, 2 * GONE], ids=["while it is heard", "after it fell silent"]
+    "silent", [NS, 2 * ADDRESS_TIMEOUT_NS], ids=["while it is heard", "after it fell silent"]
 )
 def test_an_old_frame_played_again_elsewhere_draws_nothing_away(wire: Datagrams, silent: Time):
     """Whoever plays it again is told the time, no more than once a second, and nothing else."""
@@ -106,7 +106,7 @@ def test_where_it_is_heard_it_is_told_our_time_by_what_it_is_sent_anyway(wire: D
     wire.coming.append((theirs.pack(BEAT, 1), HERE))
     ours.poll(0)
     wire.coming.append((Restarted().says(), HERE))
-    ours.poll(2 * GONE)
+    ours.poll(2 * ADDRESS_TIMEOUT_NS)
     assert wire.sent == []
 
 

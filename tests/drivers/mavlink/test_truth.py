@@ -19,7 +19,7 @@ from kybflow.core import geometry as g
 from kybflow.core.geometry import ZERO
 from kybflow.core.signals import NS
 from kybflow.drivers.mavlink.protocol.frames import Tangent, attitude_to_ned, to_frd, to_ned
-from kybflow.drivers.mavlink.telemetry.truth import LONGEST, STEP, GroundTruth
+from kybflow.drivers.mavlink.telemetry.truth import MAX_EXTRAPOLATION_S, POSITION_STEP, GroundTruth
 from kybflow.world.vehicle_context import LEGS, Parcel, VehicleContext
 
 RADIUS = 6_378_100.0
@@ -127,12 +127,12 @@ def test_a_jump_is_followed_at_once():
         place = ZERO if number < 10 else (1.0, -1.0, 1.0)
         now = number * NS // 50
         truth.handle(sim_state(place), now, on_ground=False)
-        assert truth.truth(now).position == pytest.approx(place, abs=STEP + 0.006)
+        assert truth.truth(now).position == pytest.approx(place, abs=POSITION_STEP + 0.006)
 
 
 def test_after_silence_it_is_where_it_says():
     truth = standing(context())
-    now = round((LONGEST + 0.1) * NS)
+    now = round((MAX_EXTRAPOLATION_S + 0.1) * NS)
     truth.handle(sim_state((0.02, 0.0, 0.0)), now, on_ground=False)
     assert truth.truth(now).position == pytest.approx((0.02, 0.0, 0.0), abs=0.006)
 

@@ -36,7 +36,7 @@ class Lonely(Supervisor[NoParams]):
 
     events = ("lonely",)
 
-    def check(self, tick, airborne):
+    def check(self, tick, off_ground):
         return None
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, from_euler
 from kybflow.core.signals import NS, Imu
-from kybflow.flight.fusion.covariance import SIZE, WANDERING, ImuNoise, Nominal, predicted
+from kybflow.flight.fusion.covariance import STATES, WANDERERS, ImuNoise, Nominal, predicted
 from kybflow.flight.fusion.filter import Unknown, begun
 from kybflow.flight.fusion.replay import Fix, Replay
 
@@ -23,8 +23,8 @@ PLACE, TURN = 0.01, 0.02
 
 def slopes() -> numpy.ndarray:
     """Of what the map does, a little, and of two constants."""
-    found = numpy.zeros((6, WANDERING + 2))
-    found[:, :WANDERING] = 0.001 * numpy.eye(6)
+    found = numpy.zeros((6, WANDERERS + 2))
+    found[:, :WANDERERS] = 0.001 * numpy.eye(6)
     found[0, -2], found[4, -1] = PLACE, TURN
     return found
 
@@ -72,11 +72,11 @@ def test_gravity_tells_how_the_camera_is_turned_on_the_body() -> None:
 def test_what_the_map_does_is_forgotten_on_the_way_to_other_tags() -> None:
     begin = begun(Fix(0, ZERO, LEVEL, NOISE, slopes()), UNKNOWN, LEVEL, ZERO)
     known = begin.covariance.copy()
-    known[SIZE:] *= 0.1
-    known[:, SIZE:] *= 0.1
+    known[STATES:] *= 0.1
+    known[:, STATES:] *= 0.1
     there = Nominal(NS, ZERO)
     for kept, variance in ((1.0, 0.01), (0.5, 0.7525), (0.0, 1.0)):
         after = predicted(known, Nominal(0, ZERO), there, QUIET.variances(), kept)
-        assert after.diagonal()[SIZE : SIZE + WANDERING] == pytest.approx(variance)
-        assert after.diagonal()[SIZE + WANDERING :] == pytest.approx(0.01)
+        assert after.diagonal()[STATES : STATES + WANDERERS] == pytest.approx(variance)
+        assert after.diagonal()[STATES + WANDERERS :] == pytest.approx(0.01)
         assert (numpy.linalg.eigvalsh(after) > -1e-9).all()

@@ -10,7 +10,7 @@ from part_bench import SITE
 from kybflow.core.geometry import Vec3, add
 from kybflow.flight.avoidance.clearance import reach_of, walls
 from kybflow.flight.formation.frame import MovingFrame
-from kybflow.flight.formation.places import NEAREST, places_of, seen_from
+from kybflow.flight.formation.places import NEAR_PLACES, places_of, seen_from
 from kybflow.runtime.behaviors.formation.room import FormationRoom, FormationRoomParams
 from kybflow.world.shapes import Box, Sphere
 
@@ -47,6 +47,6 @@ def test_all_that_is_near_a_place_is_found(centre: Vec3, heading: float) -> None
 
 def test_the_nearest_of_the_taken_places_are_judged() -> None:
     taken = seen_from(places_of("line", 1.0, 20), 0, range(1, 20))
-    assert [place for place, _ in taken.near] == list(range(1, NEAREST + 1))
-    assert [round(far, 9) for _, far in taken.near] == [float(i) for i in range(1, NEAREST + 1)]
+    assert [place for place, _ in taken.near] == list(range(1, NEAR_PLACES + 1))
+    assert [round(far, 9) for _, far in taken.near] == [float(i) for i in range(1, NEAR_PLACES + 1)]
     assert len(seen_from(places_of("line", 1.0, 20), 3, {0, 5, 40}).places) == 3

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from kybflow.core.errors import CommandUnreadable
 from kybflow.dsl.plan import Emit, Enable, EnterPhase, Perform, SetOption, Stop, Switch
 from kybflow.runtime.commanding.orders import (
-    LONGEST,
+    MOST_LETTERS,
     SCHEDULE,
     LandOrder,
     Lease,
@@ -70,7 +70,7 @@ def test_the_operator_s_events_are_the_commands_that_they_name() -> None:
         ("perform mk", "`perform` is written `perform VEHICLE ACT`"),
         ("enable mk", "`enable` is written `enable VEHICLE.processors.NAME`"),
         ("release me", "`release` is written `release`"),
-        ("stop " + "x" * LONGEST, "a command has at most 1000 letters, not 1005"),
+        ("stop " + "x" * MOST_LETTERS, "a command has at most 1000 letters, not 1005"),
     ],
 )
 def test_what_is_no_command_is_refused_with_how_it_is_written(words: str, said: str) -> None:

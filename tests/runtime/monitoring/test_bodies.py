@@ -19,7 +19,7 @@ from kybflow.core.signals import NS, Estimate, Pose
 from kybflow.core.units import DURATION
 from kybflow.dsl.expressions import Compare, Quantity, Read
 from kybflow.dsl.plan import EstimatorPlan, FaultPlan
-from kybflow.flight.pose_gate import CONFIRMED
+from kybflow.flight.pose_gate import AGREEING_POSES
 from kybflow.parts.events import BodyFroze, BodyJumped, BodyLost, BodyRecovered, BodySwapped
 from kybflow.runtime.monitoring.bodies import Bodies, BodyBounds
 
@@ -117,11 +117,11 @@ def test_a_frozen_body_is_withheld_at_once_and_told_after_the_bound() -> None:
     assert [p.time for p in passed["a"] if NS < p.time < 2 * NS] == []
 
 
-def still(bodies: Bodies, times: Sequence[int], in_air: bool) -> tuple[int, list[type]]:
+def still(bodies: Bodies, times: Sequence[int], airborne: bool) -> tuple[int, list[type]]:
     """(how many poses of a body that stands still pass, what is found)."""
     count, found = 0, list[type]()
     for time in times:
-        passed, findings = bodies.judge("a", [Pose(time, (0.0, 0.0, 0.0), LEVEL)], time, in_air)
+        passed, findings = bodies.judge("a", [Pose(time, (0.0, 0.0, 0.0), LEVEL)], time, airborne)
         count += len(passed)
         found += map(type, findings)
     return count, found
@@ -129,8 +129,8 @@ def still(bodies: Bodies, times: Sequence[int], in_air: bool) -> tuple[int, list
 
 def test_what_stands_still_without_noise_is_not_frozen_before_it_flies() -> None:
     bodies = Bodies()
-    assert still(bodies, range(0, 2 * NS, NS // 100), in_air=False) == (200, [])
-    assert still(bodies, range(2 * NS, 3 * NS, NS // 100), in_air=True) == (0, [BodyFroze])
+    assert still(bodies, range(0, 2 * NS, NS // 100), airborne=False) == (200, [])
+    assert still(bodies, range(2 * NS, 3 * NS, NS // 100), airborne=True) == (0, [BodyFroze])
 
 
 def test_what_wavered_on_the_ground_and_stands_still_is_frozen_there_too() -> None:
@@ -139,18 +139,18 @@ def test_what_wavered_on_the_ground_and_stands_still_is_frozen_there_too() -> No
     noise = random.Random(1)
     for time in range(0, NS, NS // 100):
         there = (noise.gauss(0.0, 0.0005), 0.0, 0.0)
-        bodies.judge("a", [Pose(time, there, LEVEL)], time, in_air=False)
-    passed, told = still(bodies, range(NS, 2 * NS, NS // 100), in_air=False)
+        bodies.judge("a", [Pose(time, there, LEVEL)], time, airborne=False)
+    passed, told = still(bodies, range(NS, 2 * NS, NS // 100), airborne=False)
     assert passed <= 1
     assert told == [BodyFroze]
 
 
 def test_what_froze_in_the_air_is_withheld_on_the_ground_until_it_moves() -> None:
     bodies = Bodies()
-    still(bodies, range(0, NS, NS // 100), in_air=True)
-    assert still(bodies, range(NS, 2 * NS, NS // 100), in_air=False) == (0, [])
+    still(bodies, range(0, NS, NS // 100), airborne=True)
+    assert still(bodies, range(NS, 2 * NS, NS // 100), airborne=False) == (0, [])
     poses = [Pose(2 * NS + i, (0.001 * i, 0.0, 0.0), LEVEL) for i in range(1, 4)]
-    passed, findings = bodies.judge("a", poses, 2 * NS + 3, in_air=False)
+    passed, findings = bodies.judge("a", poses, 2 * NS + 3, airborne=False)
     assert (passed, findings) == (poses, [BodyRecovered()])
 
 
@@ -166,7 +166,7 @@ def test_a_slow_stream_is_not_lost_between_its_poses_but_when_it_ends(rate: int)
 
 def test_due_is_when_a_body_is_lost() -> None:
     bodies = Bodies()
-    still(bodies, range(0, NS, NS // 100), in_air=False)
+    still(bodies, range(0, NS, NS // 100), airborne=False)
     due = bodies.due("a")
     assert due == 99 * NS // 100 + NS // 4
     assert bodies.judge("a", [], due)[1] == []
@@ -205,7 +205,7 @@ def test_a_body_that_jumps_and_goes_on_from_there(by: Vec3) -> None:
     (jump,) = findings
     assert isinstance(jump.event, BodyJumped)
     assert jump.body == "a"
-    assert jump.time == pytest.approx(NS, abs=CONFIRMED * NS // 120)
+    assert jump.time == pytest.approx(NS, abs=AGREEING_POSES * NS // 120)
     assert jump.event.value > jump.event.bound
     assert len(passed["a"]) == len(passed["b"])
 

@@ -11,7 +11,7 @@ import pytest
 from kybflow.core.events import VehicleEvent
 from kybflow.core.signals import NS, Frame, Time
 from kybflow.parts.events import CameraFroze, CameraLostEvent, CameraRecovered
-from kybflow.runtime.monitoring.bodies import CONFIRMED
+from kybflow.runtime.monitoring.bodies import AGREEING_POSES
 from kybflow.runtime.monitoring.cameras import CameraStreams
 from kybflow.world.cameras import Camera, Lens
 
@@ -32,14 +32,14 @@ def noise(seed: int) -> Any:
 
 
 def found_in(
-    judge: CameraStreams, images: list[Any], begin: int = 0, in_air: bool = True
+    judge: CameraStreams, images: list[Any], begin: int = 0, airborne: bool = True
 ) -> list[VehicleEvent]:
     """What is found in frames that come one after another; None where one doesn't."""
 
     def found() -> Iterator[VehicleEvent]:
         for k, image in enumerate(images, begin):
             frames = [] if image is None else [Frame(k * STEP - 40 * MS, "down", image)]
-            yield from judge.judge(frames, k * STEP, in_air)
+            yield from judge.judge(frames, k * STEP, airborne)
 
     return list(found())
 
@@ -72,8 +72,10 @@ def test_it_recovers_after_a_few_frames() -> None:
     judge = cameras()
     found_in(judge, [noise(0), *[None] * 10])
     assert {camera: event.name for camera, event in judge.wrong.items()} == {"down": "camera_lost"}
-    assert found_in(judge, [noise(k) for k in range(1, CONFIRMED)], 11) == []
-    assert found_in(judge, [noise(CONFIRMED)], 10 + CONFIRMED) == [CameraRecovered(camera="down")]
+    assert found_in(judge, [noise(k) for k in range(1, AGREEING_POSES)], 11) == []
+    assert found_in(judge, [noise(AGREEING_POSES)], 10 + AGREEING_POSES) == [
+        CameraRecovered(camera="down")
+    ]
     assert judge.wrong == {}
 
 
@@ -82,7 +84,7 @@ def test_it_froze_when_images_are_the_same_in_the_air() -> None:
     kept = noise(9)
     (found,) = found_in(judge, [noise(0), *[kept] * 20])
     assert found == CameraFroze(camera="down", value=pytest.approx(3 / RATE), bound=0.1)
-    assert found_in(judge, [kept, *(noise(k) for k in range(CONFIRMED))], 21) == [
+    assert found_in(judge, [kept, *(noise(k) for k in range(AGREEING_POSES))], 21) == [
         CameraRecovered(camera="down")
     ]
 
@@ -93,7 +95,7 @@ def test_one_image_twice_is_no_finding() -> None:
 
 def test_nor_is_a_still_image_on_the_ground() -> None:
     judge = cameras()
-    assert found_in(judge, [noise(0)] * 20, in_air=False) == []
+    assert found_in(judge, [noise(0)] * 20, airborne=False) == []
     assert found_in(judge, [noise(0)] * 2, 20) == [], "its time counts from the take-off"
     (found,) = found_in(judge, [noise(0)], 22)
     assert found.name == "camera_froze"

@@ -23,7 +23,7 @@ from kybflow.dsl.plan import PartPlan, SensorPlan
 from kybflow.parts import Link, Sensor, Stream
 from kybflow.recording.layout import dtype_spec
 from kybflow.runtime.events import Events
-from kybflow.runtime.monitoring.sensing import AHEAD, OpenSensor, Sensing
+from kybflow.runtime.monitoring.sensing import MAX_LEAD_NS, OpenSensor, Sensing
 from kybflow.world.cameras import Camera, Lens
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -192,7 +192,7 @@ def test_what_can_not_be_noted_is_its_failure() -> None:
 
 def test_what_is_stamped_in_the_future_is_left_out_and_told_once() -> None:
     """The stamp is a second ahead in every pose but each third."""
-    sense, told = sensing(lambda now: [pose(now + (NS if now // MS % 3 else AHEAD))])
+    sense, told = sensing(lambda now: [pose(now + (NS if now // MS % 3 else MAX_LEAD_NS))])
     found = [joined(sense, [], now) for now in range(0, 30 * MS, MS)]
     assert [len(poses) for poses in found] == [1, 0, 0] * 10
     (refused,) = told
@@ -207,7 +207,7 @@ def test_what_is_stamped_in_the_future_is_left_out_and_told_once() -> None:
 
 def test_so_is_what_the_link_stamps_in_the_future_kind_by_kind() -> None:
     sense, told = sensing(lambda now: [])
-    link = [Battery(3 * NS, 1.0, 12.0), imu(NS), imu(3 * NS), imu(NS + AHEAD + 1)]
+    link = [Battery(3 * NS, 1.0, 12.0), imu(NS), imu(3 * NS), imu(NS + MAX_LEAD_NS + 1)]
     assert joined(sense, link, NS) == [imu(NS)]
     assert joined(sense, link, NS) == [imu(NS)]
     assert [(e.fields["source"], e.fields["kind"], e.at) for e in told] == [

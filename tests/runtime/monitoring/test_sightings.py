@@ -13,7 +13,7 @@ from kybflow.core.events import VehicleEvent
 from kybflow.core.geometry import LEVEL, Vec3
 from kybflow.core.signals import NS, Estimate, Frame, Time
 from kybflow.parts.events import CameraJumped, TagsFound, TagsLost
-from kybflow.runtime.monitoring.bodies import CONFIRMED
+from kybflow.runtime.monitoring.bodies import AGREEING_POSES
 from kybflow.runtime.monitoring.cameras import EstimateHistory, Sightings
 from kybflow.world.cameras import Camera, Lens
 
@@ -75,7 +75,7 @@ def test_nothing_is_said_of_poses_that_are_where_the_vehicle_is() -> None:
 def test_poses_elsewhere_that_go_on_from_there_are_a_jump() -> None:
     flight = Flight()
     ((step, found),) = flight.fly(lambda k: shifted(k, 5))
-    assert step == 5 + CONFIRMED - 1
+    assert step == 5 + AGREEING_POSES - 1
     bound = 0.2 + 4.0 * (SPREAD + 1e-3)
     assert found == CameraJumped(
         camera="down", value=pytest.approx(1.0), bound=pytest.approx(bound)

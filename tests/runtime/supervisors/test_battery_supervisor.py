@@ -7,8 +7,8 @@ from kybflow.core.signals import NS, Alarm, Battery, BatteryWarning, Reaction
 from kybflow.runtime.supervisors.battery import BatterySupervisor, BatterySupervisorParams
 
 
-def check(supervisor: BatterySupervisor, left: float, airborne: bool = True) -> Alarm | None:
-    return supervisor.check(tick(battery=Battery(0, left, 14.0)), airborne)
+def check(supervisor: BatterySupervisor, left: float, off_ground: bool = True) -> Alarm | None:
+    return supervisor.check(tick(battery=Battery(0, left, 14.0)), off_ground)
 
 
 def reactions(*charges: float) -> str:
@@ -34,19 +34,19 @@ def test_the_alarm_says_what_is_left_and_what_is_needed() -> None:
 
 
 def test_on_the_ground_it_only_warns() -> None:
-    alarm = check(BatterySupervisor(BatterySupervisorParams(), SITE), 0.1, airborne=False)
+    alarm = check(BatterySupervisor(BatterySupervisorParams(), SITE), 0.1, off_ground=False)
     assert alarm == Alarm("battery_low", Reaction.WARN, "10% left, below 30%", 0.1, 0.3)
 
 
 def test_without_a_report_it_is_silent() -> None:
-    assert BatterySupervisor(BatterySupervisorParams(), SITE).check(tick(), airborne=True) is None
+    assert BatterySupervisor(BatterySupervisorParams(), SITE).check(tick(), off_ground=True) is None
 
 
 def test_a_report_that_grows_old_is_a_warning_until_the_next_one() -> None:
     supervisor, report = BatterySupervisor(BatterySupervisorParams(), SITE), Battery(NS, 0.8, 14.0)
-    for airborne in (False, True):
-        assert supervisor.check(tick(6.0, battery=report), airborne) is None
-        assert supervisor.check(tick(6.5, battery=report), airborne) == Alarm(
+    for off_ground in (False, True):
+        assert supervisor.check(tick(6.0, battery=report), off_ground) is None
+        assert supervisor.check(tick(6.5, battery=report), off_ground) == Alarm(
             "battery_lost", Reaction.WARN, "its last report is 5.5 s old, 5 s allowed", 5.5, 5.0
         )
     assert supervisor.check(tick(6.6, battery=report._replace(time=6 * NS)), True) is None
@@ -54,7 +54,7 @@ def test_a_report_that_grows_old_is_a_warning_until_the_next_one() -> None:
 
 def test_an_old_report_of_an_empty_battery_lands() -> None:
     supervisor = BatterySupervisor(BatterySupervisorParams(), SITE)
-    alarm = supervisor.check(tick(9.0, battery=Battery(0, 0.1, 14.0)), airborne=True)
+    alarm = supervisor.check(tick(9.0, battery=Battery(0, 0.1, 14.0)), off_ground=True)
     assert alarm is not None
     assert (alarm.event, alarm.reaction) == ("battery_low", Reaction.LAND)
 
@@ -68,8 +68,8 @@ def test_what_the_vehicle_says_of_its_battery_counts_though_the_charge_seems_wel
     supervisor = BatterySupervisor(BatterySupervisorParams(), SITE)
     low, urgent = BatteryWarning("it says 'low'", False), BatteryWarning("it says 'empty'", True)
     told = [
-        supervisor.check(tick(battery=Battery(0, 0.9, 9.9, warning)), airborne)
-        for warning, airborne in ((low, True), (urgent, True), (urgent, False), (None, True))
+        supervisor.check(tick(battery=Battery(0, 0.9, 9.9, warning)), off_ground)
+        for warning, off_ground in ((low, True), (urgent, True), (urgent, False), (None, True))
     ]
     assert told == [
         Alarm("battery_low", Reaction.WARN, "it says 'low'; 90% left", 0.9),
@@ -82,5 +82,5 @@ def test_what_the_vehicle_says_of_its_battery_counts_though_the_charge_seems_wel
 def test_what_the_vehicle_says_takes_nothing_from_a_charge_that_is_low() -> None:
     supervisor = BatterySupervisor(BatterySupervisorParams(), SITE)
     low = BatteryWarning("it says 'low'", False)
-    alarm = supervisor.check(tick(battery=Battery(0, 0.14, 9.9, low)), airborne=True)
+    alarm = supervisor.check(tick(battery=Battery(0, 0.14, 9.9, low)), off_ground=True)
     assert alarm == Alarm("battery_low", Reaction.LAND, "14% left, below 15%", 0.14, 0.15)

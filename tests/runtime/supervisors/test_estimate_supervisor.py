@@ -15,11 +15,11 @@ def supervisor() -> EstimateSupervisor:
 
 def test_without_an_estimate_it_asks_to_land_blind_and_tells_since_when() -> None:
     watch = supervisor()
-    watch.check(tick(1.0, estimate(HERE, now=NS, age=0.1)), airborne=True)
+    watch.check(tick(1.0, estimate(HERE, now=NS, age=0.1)), off_ground=True)
     expected = Alarm(
         "estimate_lost", Reaction.LAND_BLIND, "no estimator has an estimate", 0.35, 0.0
     )
-    alarm = watch.check(tick(1.25), airborne=True)
+    alarm = watch.check(tick(1.25), off_ground=True)
     assert alarm._replace(value=pytest.approx(alarm.value)) == expected
     assert alarm.value == pytest.approx(0.35)
 
@@ -32,14 +32,14 @@ def test_without_an_estimate_it_asks_to_land_blind_and_tells_since_when() -> Non
     ],
 )
 def test_an_old_or_vague_estimate_is_a_lost_one(age: float, spread: float, reason: str) -> None:
-    alarm = supervisor().check(tick(0.0, estimate(HERE, age=age, spread=spread)), airborne=True)
+    alarm = supervisor().check(tick(0.0, estimate(HERE, age=age, spread=spread)), off_ground=True)
     assert alarm is not None
     assert (alarm.event, alarm.reason) == ("estimate_lost", reason)
 
 
 def test_a_good_estimate_is_none_of_its_business() -> None:
-    assert supervisor().check(tick(0.0, estimate(HERE, age=0.3)), airborne=True) is None
+    assert supervisor().check(tick(0.0, estimate(HERE, age=0.3)), off_ground=True) is None
 
 
 def test_on_the_ground_it_is_silent() -> None:
-    assert supervisor().check(tick(), airborne=False) is None
+    assert supervisor().check(tick(), off_ground=False) is None

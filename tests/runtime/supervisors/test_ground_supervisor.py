@@ -18,13 +18,13 @@ HOVER = at_rest((0.0, 0.0, 1.0))
 
 
 def heard(
-    *heights: float, setpoint: Setpoint | None = HOVER, climb: float = 0.0, airborne: bool = True
+    *heights: float, setpoint: Setpoint | None = HOVER, climb: float = 0.0, off_ground: bool = True
 ) -> list[Alarm | None]:
     """What it says at each height, 0.3 s apart, of a vehicle that stood at 0."""
     supervisor, found = Ground(GroundParams(), SITE), []
     for index, height in enumerate(heights):
         known = estimate((0.0, 0.0, height), (0.0, 0.0, climb))
-        found.append(supervisor.check(tick(0.3 * index, known, setpoint), airborne))
+        found.append(supervisor.check(tick(0.3 * index, known, setpoint), off_ground))
     return found
 
 
@@ -65,9 +65,9 @@ def test_one_that_should_climb_is_noticed_too():
 
 
 def test_on_the_ground_without_an_estimate_and_without_a_setpoint_it_is_silent():
-    assert heard(1.0, 0.0, 0.0, 0.0, airborne=False) == [None] * 4
+    assert heard(1.0, 0.0, 0.0, 0.0, off_ground=False) == [None] * 4
     assert heard(1.0, 0.0, 0.0, 0.0, setpoint=None) == [None] * 4
-    assert Ground(GroundParams(), SITE).check(tick(), airborne=True) is None
+    assert Ground(GroundParams(), SITE).check(tick(), off_ground=True) is None
 
 
 def test_a_vehicle_that_gets_too_heavy_is_landed_and_the_run_has_failed(tmp_path: Path):

@@ -13,9 +13,9 @@ def seen(time: float, east: float, speed: float = 0.0, age: float = 0.0, source:
     return tick(time, known._replace(source=source))
 
 
-def heard(*ticks: Tick, airborne: bool = True, **more: object) -> list[Alarm | None]:
+def heard(*ticks: Tick, off_ground: bool = True, **more: object) -> list[Alarm | None]:
     supervisor = Jump(JumpParams(**more), SITE)
-    return [supervisor.check(one, airborne) for one in ticks]
+    return [supervisor.check(one, off_ground) for one in ticks]
 
 
 def test_a_step_of_half_a_metre_asks_to_land_blind_for_a_second():
@@ -59,4 +59,4 @@ def test_another_estimator_begins_anew():
 
 
 def test_on_the_ground_it_is_silent_and_forgets():
-    assert heard(seen(0.0, 0.0), seen(0.01, 0.5), airborne=False) == [None, None]
+    assert heard(seen(0.0, 0.0), seen(0.01, 0.5), off_ground=False) == [None, None]

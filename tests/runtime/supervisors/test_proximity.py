@@ -17,7 +17,7 @@ def apart(east: float | None, time: float = 0.0):
 
 
 def test_closer_than_half_of_both_diameters_and_the_margin_it_brakes() -> None:
-    alarm = Proximity(ProximityParams(), TWO).check(apart(0.3), airborne=True)
+    alarm = Proximity(ProximityParams(), TWO).check(apart(0.3), off_ground=True)
     assert alarm == Alarm(
         "too_close", Reaction.BRAKE, "0.30 m from `mk`, 0.40 m needed", 0.3, BOUND
     )
@@ -25,11 +25,11 @@ def test_closer_than_half_of_both_diameters_and_the_margin_it_brakes() -> None:
 
 def test_a_distance_counts_where_it_is_more_than_the_sizes_ask_for() -> None:
     one_metre = Proximity(ProximityParams(distance=1.0), TWO)
-    assert one_metre.check(apart(1.01), airborne=True) is None
-    alarm = one_metre.check(apart(0.99, 0.1), airborne=True)
+    assert one_metre.check(apart(1.01), off_ground=True) is None
+    alarm = one_metre.check(apart(0.99, 0.1), off_ground=True)
     assert alarm is not None
     assert alarm.bound == 1.0
-    little = Proximity(ProximityParams(distance=0.1), TWO).check(apart(0.3), airborne=True)
+    little = Proximity(ProximityParams(distance=0.1), TWO).check(apart(0.3), off_ground=True)
     assert little is not None
     assert little.bound == BOUND
 
@@ -43,16 +43,16 @@ def test_an_alarm_lasts_until_they_are_well_apart() -> None:
 
 def test_alone_on_the_ground_or_beside_one_that_nobody_sees_it_is_silent() -> None:
     supervisor = Proximity(ProximityParams(), TWO)
-    assert supervisor.check(apart(None), airborne=True) is None
-    assert supervisor.check(apart(0.1), airborne=False) is None
-    assert supervisor.check(tick(known=estimate((0.0, 0.0, 1.0))), airborne=True) is None
+    assert supervisor.check(apart(None), off_ground=True) is None
+    assert supervisor.check(apart(0.1), off_ground=False) is None
+    assert supervisor.check(tick(known=estimate((0.0, 0.0, 1.0))), off_ground=True) is None
 
 
 def test_far_apart_it_looks_no_more_often_than_it_must() -> None:
     supervisor = Proximity(ProximityParams(), TWO)
-    assert supervisor.check(apart(1.4), airborne=True) is None
-    assert supervisor.check(apart(0.1, 0.049), airborne=True) is None
-    assert supervisor.check(apart(0.1, 0.051), airborne=True) is not None
+    assert supervisor.check(apart(1.4), off_ground=True) is None
+    assert supervisor.check(apart(0.1, 0.049), off_ground=True) is None
+    assert supervisor.check(apart(0.1, 0.051), off_ground=True) is not None
 
 
 def test_it_declares_the_distance_that_it_alarms_below() -> None:

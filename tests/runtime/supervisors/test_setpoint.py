@@ -14,9 +14,9 @@ def following(i: int, east: float, own: Vec3 = HERE, speed: float = 0.0):
     return tick(i * DT, estimate(own), setpoint)
 
 
-def heard(*ticks, airborne: bool = True) -> list[Alarm | None]:
+def heard(*ticks, off_ground: bool = True) -> list[Alarm | None]:
     supervisor = SetpointSupervisor(SetpointSupervisorParams(), SITE)
-    return [supervisor.check(one, airborne) for one in ticks]
+    return [supervisor.check(one, off_ground) for one in ticks]
 
 
 def test_a_step_away_from_the_vehicle_brakes_for_a_moment() -> None:
@@ -50,4 +50,4 @@ def test_without_a_position_without_an_estimate_and_on_the_ground_it_is_silent()
     velocity = at_rest(HERE)._replace(kind=SetpointKind.VELOCITY, position=None)
     assert heard(tick(0.0, estimate(HERE), velocity)) == [None]
     assert heard(tick(0.0, None, at_rest((9.0, 0.0, 1.0)))) == [None]
-    assert heard(following(0, 9.0), airborne=False) == [None]
+    assert heard(following(0, 9.0), off_ground=False) == [None]

@@ -11,13 +11,13 @@ from kybflow.runtime.supervisors.spin import Spin, SpinParams
 PERIOD = 0.02
 
 
-def heard(rates, asked=0.0, airborne=True, supervisor=None):
+def heard(rates, asked=0.0, off_ground=True, supervisor=None):
     """The alarm after these turn rates, deg/s, one a look."""
     supervisor, alarm = supervisor or Spin(SpinParams(), SITE), None
     for look, rate in enumerate(rates):
         known = estimate((0.0, 0.0, 1.0))._replace(angular_velocity=(0.0, 0.0, radians(rate)))
         wanted = Setpoint(SetpointKind.POSITION, heading_rate=asked)
-        alarm = supervisor.check(tick(look * PERIOD, known, wanted), airborne)
+        alarm = supervisor.check(tick(look * PERIOD, known, wanted), off_ground)
     return alarm
 
 
@@ -42,4 +42,4 @@ def test_it_lasts_until_the_vehicle_is_down():
     supervisor = Spin(SpinParams(), SITE)
     assert heard([720.0] * 20, supervisor=supervisor) is not None
     assert heard([0.0] * 50, supervisor=supervisor) is not None
-    assert heard([720.0] * 50, airborne=False, supervisor=supervisor) is None
+    assert heard([720.0] * 50, off_ground=False, supervisor=supervisor) is None

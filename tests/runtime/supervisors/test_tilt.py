@@ -16,7 +16,7 @@ def at(degrees: float):
 
 
 def test_beyond_the_limit_it_asks_to_land_blind() -> None:
-    alarm = TiltSupervisor(TiltSupervisorParams(), SITE).check(at(70.0), airborne=True)
+    alarm = TiltSupervisor(TiltSupervisorParams(), SITE).check(at(70.0), off_ground=True)
     reason = "tilted by 70 deg, 60 deg allowed"
     expected = Alarm("tilted", Reaction.LAND_BLIND, reason, radians(70.0), radians(60.0))
     assert alarm is not None
@@ -30,5 +30,5 @@ def test_an_alarm_lasts_until_the_vehicle_is_well_below_the_limit() -> None:
 
 
 def test_on_the_ground_and_without_an_estimate_it_is_silent() -> None:
-    assert TiltSupervisor(TiltSupervisorParams(), SITE).check(at(90.0), airborne=False) is None
-    assert TiltSupervisor(TiltSupervisorParams(), SITE).check(tick(), airborne=True) is None
+    assert TiltSupervisor(TiltSupervisorParams(), SITE).check(at(90.0), off_ground=False) is None
+    assert TiltSupervisor(TiltSupervisorParams(), SITE).check(tick(), off_ground=True) is None

@@ -22,7 +22,7 @@ from kybflow.core.geometry import (
     tilt_of,
 )
 from kybflow.core.signals import Command, Estimate, Setpoint, SetpointKind, Tick
-from kybflow.flight.geometric_law import FRESH, NOISE, ON_BOARD, STALEST, GeometricParams
+from kybflow.flight.geometric_law import FRESH_S, MAX_LAG_S, ON_BOARD, SPREAD_SPEED, GeometricParams
 from kybflow.runtime.trackers.geometric import Geometric
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
@@ -79,13 +79,13 @@ def test_the_law_is_feed_forward_and_gains_times_errors_in_every_axis(error, spe
     assert slope(command)[1] == pytest.approx(y * GRAVITY / (GRAVITY + z), abs=1e-9)
 
 
-@pytest.mark.parametrize(("age", "spread"), [(FRESH + ON_BOARD, 0.0), (0.0, 0.4)])
+@pytest.mark.parametrize(("age", "spread"), [(FRESH_S + ON_BOARD, 0.0), (0.0, 0.4)])
 def test_what_is_known_late_or_badly_is_followed_slower(age: float, spread: float) -> None:
     tracker, here = geometric(), (-0.02, 0.0, 1.0)
     assert slope(tracker.update(at(), tick(here)))[0] == pytest.approx(16.0 * 0.02)
     for _ in range(1500):
         command = tracker.update(at(), tick(here, age=age, spread=spread))
-    slower = ON_BOARD / (ON_BOARD + min(STALEST, age + spread / NOISE - FRESH))
+    slower = ON_BOARD / (ON_BOARD + min(MAX_LAG_S, age + spread / SPREAD_SPEED - FRESH_S))
     assert slope(command)[0] == pytest.approx(slower**2 * 16.0 * 0.02, rel=0.02)
 
 

@@ -35,8 +35,8 @@ from kybflow.parts import Estimator
 from kybflow.runtime.events import Events
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.estimation import (
-    DECAY,
-    OVER,
+    BLEND_TIME_S,
+    DECAY_RATE,
     EstimateBlend,
     Estimation,
     ExternalPosition,
@@ -405,7 +405,7 @@ def test_its_velocity_is_the_derivative_of_its_position_and_it_ends(position, ve
         )
         slope = scale(sub(after.position, before.position), 0.5 * NS / TICK)
         assert here.velocity == pytest.approx(slope, abs=1e-4)
-    end = round(OVER * NS)
+    end = round(BLEND_TIME_S * NS)
     assert norm(blend.applied(at(end, ZERO)).position) < 5e-5
     assert not blend.is_over(end - 1)
     assert blend.is_over(end + TICK)
@@ -414,7 +414,7 @@ def test_its_velocity_is_the_derivative_of_its_position_and_it_ends(position, ve
 def test_it_never_moves_faster_than_its_page_says():
     _, blend = EstimateBlend.between(at(0, (0.3, 0.0, 0.0)), at(0, ZERO))
     speeds = [norm(blend.applied(at(t, ZERO)).velocity) for t in range(0, 8 * NS, TICK)]
-    assert max(speeds) == pytest.approx(0.3 * DECAY / exp(1.0), rel=1e-3)
+    assert max(speeds) == pytest.approx(0.3 * DECAY_RATE / exp(1.0), rel=1e-3)
 
 
 @pytest.mark.parametrize(

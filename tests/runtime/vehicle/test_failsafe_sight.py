@@ -7,7 +7,7 @@ from part_bench import estimate
 
 from kybflow.core.signals import NS, Alarm, Event, Reaction, Tick
 from kybflow.runtime.events import Events
-from kybflow.runtime.vehicle.failsafe import SEEN, Failsafe, RaisedAlarm
+from kybflow.runtime.vehicle.failsafe import SIGHT_TIME_NS, Failsafe, RaisedAlarm
 
 LOST = Alarm("estimate_lost", Reaction.LAND_BLIND, "none")
 TILTED = Alarm("tilted", Reaction.LAND_BLIND, "80 deg")
@@ -39,8 +39,8 @@ def test_half_a_second_with_an_estimate_is_enough(
 ) -> None:
     assert decide(failsafe, alarm, NS) is Reaction.LAND_BLIND
     assert not failsafe.sees_again(tick(2 * NS, known=False))
-    assert not failsafe.sees_again(tick(2 * NS + SEEN - 1))
-    assert failsafe.sees_again(tick(2 * NS + SEEN))
+    assert not failsafe.sees_again(tick(2 * NS + SIGHT_TIME_NS - 1))
+    assert failsafe.sees_again(tick(2 * NS + SIGHT_TIME_NS))
     assert failsafe.latched is Reaction.LAND
     assert told[-1].fields["reason"] == "there is an estimate, and no alarm, for 0.5 s"
     assert not failsafe.sees_again(tick(9 * NS))
@@ -50,15 +50,15 @@ def test_half_a_second_with_an_estimate_is_enough(
 def test_an_alarm_of_the_estimate_begins_the_wait_anew(failsafe: Failsafe) -> None:
     decide(failsafe, LOST, NS)
     assert decide(failsafe, LOST, 2 * NS, known=True) is None
-    assert not failsafe.sees_again(tick(2 * NS + SEEN - 1))
-    assert failsafe.sees_again(tick(2 * NS + SEEN))
+    assert not failsafe.sees_again(tick(2 * NS + SIGHT_TIME_NS - 1))
+    assert failsafe.sees_again(tick(2 * NS + SIGHT_TIME_NS))
 
 
 def test_an_alarm_that_is_over_keeps_nobody_blind(failsafe: Failsafe) -> None:
     assert decide(failsafe, TILTED, NS, known=True) is Reaction.LAND_BLIND
     assert decide(failsafe, TILTED, 2 * NS, known=True) is None
-    assert not failsafe.sees_again(tick(2 * NS + SEEN - 1))
-    assert failsafe.sees_again(tick(2 * NS + SEEN))
+    assert not failsafe.sees_again(tick(2 * NS + SIGHT_TIME_NS - 1))
+    assert failsafe.sees_again(tick(2 * NS + SIGHT_TIME_NS))
 
 
 def test_a_landing_that_failed_stays_blind(failsafe: Failsafe) -> None:

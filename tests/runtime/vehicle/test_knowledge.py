@@ -13,7 +13,7 @@ from kybflow.core.geometry import GRAVITY, ZERO
 from kybflow.core.signals import NS, Event, Imu, Payload, PayloadState
 from kybflow.dsl.plan import EstimatorPlan, TransitionPlan
 from kybflow.runtime.events import Events
-from kybflow.runtime.vehicle.knowledge import LONG, PayloadTracker, RestingBias
+from kybflow.runtime.vehicle.knowledge import REST_TIME_S, PayloadTracker, RestingBias
 
 CLOSED, OPEN = Payload(0, False, True), Payload(0, True, False)
 BLIND_CLOSED, BLIND_OPEN = Payload(0, False, None), Payload(0, True, None)
@@ -104,7 +104,7 @@ def test_it_is_what_was_felt_on_average(lift: float) -> None:
 
 
 def test_a_moment_tells_nothing() -> None:
-    brief = rest(9.0, LONG / 2)
+    brief = rest(9.0, REST_TIME_S / 2)
     assert (brief.is_known, brief.specific_force) == (False, GRAVITY)
     assert RestingBias().specific_force == GRAVITY
 
@@ -141,7 +141,7 @@ def test_a_flight_learns_it_before_take_off_and_anew_after_each_landing(run) -> 
     states = [up("hold"), hold(1.0, "down"), landing, wait]
     _, told = run(vehicle("a", states, estimators=inertial), observers=(look,))
     started = next(e for e in told if e.name == "behavior_started")
-    assert LONG <= started.time / NS <= LONG + 0.05
+    assert REST_TIME_S <= started.time / NS <= REST_TIME_S + 0.05
     [airborne] = {lift for state in ("up", "hold") for lift in seen[state, True]}
     assert 0.0 < abs(airborne - GRAVITY) < 0.3
     assert airborne not in seen["wait", False]

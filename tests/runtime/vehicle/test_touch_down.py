@@ -8,7 +8,7 @@ import pytest
 
 from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import NS, Estimate
-from kybflow.runtime.vehicle.touch_down import LONG, TouchDown
+from kybflow.runtime.vehicle.touch_down import CLAIM_TIME_NS, TouchDown
 from kybflow.world.shapes import Box, Cylinder, Plane, Sphere
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
@@ -98,14 +98,14 @@ def test_on_what_nobody_named_a_claim_counts_that_is_made_for_long(height, sinks
     claims, period = landing(), NS // 50
     found = [
         claims.refusal(at(1.0, 0.0, height - sinks * now / NS), now, is_pushed=pushed)
-        for now in range(0, LONG + NS, period)
+        for now in range(0, CLAIM_TIME_NS + NS, period)
     ]
-    assert found[LONG // period - 1] != ""
+    assert found[CLAIM_TIME_NS // period - 1] != ""
     assert (found[-1] == "") is counts
 
 
 def test_a_claim_that_was_withdrawn_begins_anew():
     claims = landing()
-    for now in range(0, LONG - NS, NS // 50):
+    for now in range(0, CLAIM_TIME_NS - NS, NS // 50):
         claims.refusal(at(1.0, 0.0, 0.4), now, is_pushed=True)
-    assert claims.refusal(at(1.0, 0.0, 0.4), 2 * LONG, is_pushed=True) != ""
+    assert claims.refusal(at(1.0, 0.0, 0.4), 2 * CLAIM_TIME_NS, is_pushed=True) != ""

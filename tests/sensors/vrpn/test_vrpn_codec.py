@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from kybflow.sensors.vrpn.codec import (
     COOKIE,
-    LONGEST,
+    MAX_MESSAGE,
     PING,
     POSE,
     SENDER,
@@ -159,7 +159,7 @@ def test_a_datagram_holds_whole_messages(sent: list[Message]) -> None:
         (lambda: describe(SENDER, 0, ""), "1 to 99 bytes"),
         (lambda: describe(SENDER, 0, "a" * 100), "1 to 99 bytes"),
         (lambda: describe(TYPE, 2000, "a"), "at most 2000"),
-        (lambda: encode(Message(0, 0, 0, bytes(LONGEST))), "longer than 64000"),
+        (lambda: encode(Message(0, 0, 0, bytes(MAX_MESSAGE))), "longer than 64000"),
         (lambda: encode(Message(-1000, 0, 0)), "does not fit"),
         (lambda: encode_pose(PoseReport(2**31, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0))), "not fit"),
         (lambda: decode_lob(b"127.0.0.1\0"), "no request"),

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from kybflow.core.signals import Time
     from kybflow.drivers.mavlink.discovery import Discovery
 
-LONGEST = 3600
-SHOWN = 3
+MAX_LISTENING_S = 3600
+MOST_TEXTS = 3
 """The most status texts printed per autopilot, newest last."""
 
 
@@ -43,8 +43,8 @@ def command(
     from kybflow.core.signals import NS
 
     seconds = quantity(lasts, DURATION, "--for")
-    if not 0.0 < seconds <= LONGEST:
-        raise wrong("--for", f"`{lasts}` is not between 0 s and {LONGEST} s")
+    if not 0.0 < seconds <= MAX_LISTENING_S:
+        raise wrong("--for", f"`{lasts}` is not between 0 s and {MAX_LISTENING_S} s")
     with meeting.meeting(address, None, own_system, key) as discovery:
         listen_to(discovery, meeting.ticks(), round(seconds * NS))
 
@@ -55,5 +55,5 @@ def listen_to(discovery: Discovery, steps: Iterator[Time], lasts: Time) -> None:
     for system in discovery.found():
         status = discovery.statuses[system]
         echo(f"system {system}: {meeting.described(status)}")
-        for newest in list(status.texts)[-SHOWN:]:
+        for newest in list(status.texts)[-MOST_TEXTS:]:
             echo(f"    status text: {newest.text}")

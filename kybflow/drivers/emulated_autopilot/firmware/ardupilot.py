@@ -23,9 +23,9 @@ from kybflow.drivers.emulation.control import Speeds
 from kybflow.drivers.mavlink.protocol.frames import Tangent
 from kybflow.drivers.mavlink.protocol.framing import mavlink
 
-EARTH = 6_378_100.0
+RADIUS = 6_378_100.0
 """The radius of the earth in ArduPilot's simulator, a sphere, metres."""
-RESTS: Time = NS
+DISARM_DELAY_NS: Time = NS
 """The time from a landing to disarming, in a mode that lands."""
 GRIPPER, RELAY, FIRST_RELAY = 28, -1, 9
 """Functions of an output: the gripper, a relay; and the number of the output that is relay 0."""
@@ -92,7 +92,7 @@ def disarms(state: EmulatedState, now: Time) -> FailsafeAction | None:
         is_idle = state.climb_to is None and 0.0 < p["DISARM_DELAY"] * NS <= stood
         return FailsafeAction(None, "", "idle") if is_idle else None
     lands = state.flying.role in (Role.LAND, Role.RETURN)
-    wait = RESTS if lands else p["DISARM_DELAY"] * NS
+    wait = DISARM_DELAY_NS if lands else p["DISARM_DELAY"] * NS
     return FailsafeAction(None, "", "landed") if 0 < wait <= stood else None
 
 
@@ -199,7 +199,7 @@ EMULATED = EmulatedFirmware(
     unknown_mode=FAILED, armed_text="Arming motors", disarmed_text="Disarming motors",
     not_landed_text="Disarm: not landed", mode_messages=("HEARTBEAT",), servo_function=0,
     pulses=(1100, 1900), vision_frames=frozenset({mavlink.MAV_FRAME_LOCAL_FRD}),
-    origin=Tangent.on_sphere(-35.363262, 149.165237, 584.0, EARTH), forgets=7.2, gives_up=7.9,
+    origin=Tangent.on_sphere(-35.363262, 149.165237, 584.0, RADIUS), forgets=7.2, gives_up=7.9,
     adopts=100, waits=8.0, takes_off=0.5, obeys_on_ground=False, keeps_setpoints=False,
     returns_to_mode=False, by_axis=False, takes_mocap=True, speaks_to_all=True, complains=True,
     every_heartbeat_counts=True, pauses_in_mode=True, sources=sources, refusal=refusal,

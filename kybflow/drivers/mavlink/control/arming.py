@@ -22,22 +22,22 @@ from kybflow.drivers.mavlink.protocol.framing import mavlink
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus
 
 ARM_DISARM, TAKEOFF = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_NAV_TAKEOFF
-FORCED = 21196.0
+FORCE = 21196.0
 """The parameter with which COMPONENT_ARM_DISARM also stops the rotors in the air."""
-LEAD = 1.0
+LEAD_S = 1.0
 """Seconds for which setpoints are sent before the mode is requested."""
-DOUBT = 0.5
+UNREADY_SHARE = 0.5
 """The fraction of the timeout after which arming is requested even if the autopilot reports itself
 unready: its refusal then states the reason."""
-LIFTED = 0.15
+LIFTED_BY = 0.15
 """Height above the ground, metres, from which the vehicle counts as lifted off, if the height is
 known."""
-SOON: Time = NS
+DISARM_BY_LANDING_NS: Time = NS
 """How long disarming on the ground may take before the vehicle is put into its own land mode."""
-UNSURE: Time = 5 * NS
+LANDED_STATE_TIMEOUT_NS: Time = 5 * NS
 """The time after which disarming is requested even if the autopilot doesn't report that it has
 landed."""
-REPORTED: Time = 10 * NS
+REFUSAL_DELAY_NS: Time = 10 * NS
 """The time after which refusals to disarm are reported; an autopilot may detect its landing
 late."""
 
@@ -81,21 +81,21 @@ class Arming:
 
     def _waits(self, stream: SetpointStream, height: float | None, rises: bool, now: Time) -> str:
         """Return what arming is waiting for; empty when it is done."""
-        if self._profile.streams_first and stream.flows(now) < LEAD:
+        if self._profile.streams_first and stream.flows(now) < LEAD_S:
             return "no setpoints are sent to it"
         if not self._modes.step(now):
             return self._modes.trouble
         if not self._status.armed:
             self._floor = height
             unready = self._profile.ready(self._status)
-            if unready and now - self._begun < DOUBT * self._timeout * NS:
+            if unready and now - self._begun < UNREADY_SHARE * self._timeout * NS:
                 return unready
             self._arm.step(now)
             reason = self._arm.refusal or unready
             return reason or "it was asked to, and its heartbeat reports that it is not armed"
         if self._profile.climbs:
             return self._to_lift(height, now)
-        if not rises or height is None or self._floor is None or height - self._floor >= LIFTED:
+        if not rises or height is None or self._floor is None or height - self._floor >= LIFTED_BY:
             return ""
         return "armed, it has not left the ground"
 
@@ -104,7 +104,7 @@ class Arming:
         if landed in (LandedState.AIR, LandedState.LANDING):
             return ""
         if landed is LandedState.TAKING_OFF:
-            enough = min(LIFTED, 0.5 * self._profile.takeoff_height)
+            enough = min(LIFTED_BY, 0.5 * self._profile.takeoff_height)
             if height is None or self._floor is None or height - self._floor >= enough:
                 return ""
         else:
@@ -135,7 +135,7 @@ class Disarming:
 
     def step(self, now: Time) -> None:
         self.is_retrying = self._status.armed and (
-            self._begun is None or now - self._begun <= REPORTED
+            self._begun is None or now - self._begun <= REFUSAL_DELAY_NS
         )
         if not self._status.armed:
             self._begun = None
@@ -143,9 +143,9 @@ class Disarming:
         if self._begun is None:
             self._begun = now
         grounded = self._status.landed in (LandedState.GROUND, LandedState.UNKNOWN)
-        if grounded or now - self._begun > UNSURE:
+        if grounded or now - self._begun > LANDED_STATE_TIMEOUT_NS:
             self._disarm.step(now)
-        if not grounded or now - self._begun > SOON:
+        if not grounded or now - self._begun > DISARM_BY_LANDING_NS:
             self._modes.want("land")
         self._modes.step(now)
 
@@ -156,7 +156,7 @@ class MotorStop:
 
     def __init__(self, status: ReceivedStatus, requests: CommandRequests) -> None:
         self._status = status
-        self._cut = Retries(requests, ARM_DISARM, (0.0, FORCED), first=0.2, most=0.2, shown=0.2)
+        self._cut = Retries(requests, ARM_DISARM, (0.0, FORCE), first=0.2, most=0.2, shown=0.2)
 
     def step(self, now: Time) -> bool:
         """Request the stop if it is due; return whether the rotors have stopped."""
@@ -166,7 +166,7 @@ class MotorStop:
         return False
 
 
-AGAIN: Time = 2 * NS
+MODE_RETRY_NS: Time = 2 * NS
 """The time after which a mode that the autopilot has left is requested again."""
 
 
@@ -196,7 +196,7 @@ class PreflightMode:
             self._left = None
         elif self._left is None:
             self._left = now
-        elif now - self._left > AGAIN:
+        elif now - self._left > MODE_RETRY_NS:
             self._left = None
             self._modes.again()
         return "" if self._follows(now) else self._modes.trouble

@@ -15,11 +15,11 @@ from kybflow.drivers.mavlink.protocol.codec import Throttle
 
 STREAMS = MappingProxyType({"ATTITUDE_TARGET": 10.0})
 """The stream from which `HoverThrottle` learns, Hz."""
-USUAL = 0.5
-LEAST, MOST = 0.1, 0.9
-SLOW = 5.0
+USUAL_THROTTLE = 0.5
+MIN_SHARE, MAX_SHARE = 0.1, 0.9
+AVERAGING_S = 5.0
 """The time constant of the average, seconds."""
-STILL = 0.3
+HOVER_SPEED = 0.3
 """Below this speed, m/s, the vehicle counts as hovering."""
 
 THRUST_BY_AUTOPILOT = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
@@ -40,9 +40,9 @@ class HoverThrottle:
 
     def throttle(self, values: Mapping[str, float]) -> Throttle:
         """Return the conversion from thrust to throttle. values: the parameters that were read."""
-        share = self._share or values.get(self._parameter, USUAL)
-        share = share if isfinite(share) else USUAL
-        return Throttle(min(max(share, LEAST), MOST), self._newtons, self._raised)
+        share = self._share or values.get(self._parameter, USUAL_THROTTLE)
+        share = share if isfinite(share) else USUAL_THROTTLE
+        return Throttle(min(max(share, MIN_SHARE), MAX_SHARE), self._newtons, self._raised)
 
     def learn(
         self, asked: float | None, command: Command, odometry: Odometry | None,
@@ -50,12 +50,12 @@ class HoverThrottle:
     ) -> None:  # fmt: skip
         """Learn from one tick of hovering. asked: the throttle that the attitude controller
         commands, 0 to 1; None while the vehicle is not in the air."""
-        still = odometry is not None and norm(odometry.velocity) < STILL
+        still = odometry is not None and norm(odometry.velocity) < HOVER_SPEED
         if asked is None or not still or command.kind not in THRUST_BY_AUTOPILOT:
             self._last = None
             return
         if self._last is not None:
             dt = (now - self._last) / NS
             share = self.throttle(values).hover
-            self._share = share + (asked - share) * dt / (SLOW + dt)
+            self._share = share + (asked - share) * dt / (AVERAGING_S + dt)
         self._last = now

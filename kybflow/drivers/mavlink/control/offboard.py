@@ -14,7 +14,13 @@ from enum import Enum
 
 from kybflow.core.errors import Refused
 from kybflow.core.signals import NS, Command, CommandKind, Time
-from kybflow.drivers.mavlink.control.arming import LEAD, Arming, Disarming, MotorStop, PreflightMode
+from kybflow.drivers.mavlink.control.arming import (
+    LEAD_S,
+    Arming,
+    Disarming,
+    MotorStop,
+    PreflightMode,
+)
 from kybflow.drivers.mavlink.control.override import ControlRecovery, OverrideDetector
 from kybflow.drivers.mavlink.control.requests import CommandRequests, Modes
 from kybflow.drivers.mavlink.control.setpoints import LiftOff, SetpointStream, raised
@@ -27,7 +33,7 @@ MODE_TIMEOUT: Time = 3 * NS
 disarming, this is attributed to our earlier request."""
 MOST_GAP = 0.3
 """The longest normal interval between messages, seconds."""
-STABLE: Time = NS
+STABLE_LINK_NS: Time = NS
 """How long a link must have been good before control is taken back without a request."""
 LIFTED_BY_SETPOINT = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
 """Kinds of commands that are raised until the vehicle has lifted off; the others lift it as they
@@ -216,8 +222,8 @@ class OffboardControl:
 
     def _step_mode(self, now: Time) -> bool:
         """Request the mode that follows setpoints; if the firmware requires it, only after
-        setpoints have been sent for `LEAD`. Return whether the mode is in force."""
-        leads = not self._profile.streams_first or self._stream.flows(now) >= LEAD
+        setpoints have been sent for `LEAD_S`. Return whether the mode is in force."""
+        leads = not self._profile.streams_first or self._stream.flows(now) >= LEAD_S
         return leads and self.modes.step(now)
 
     def _begin(self, goal: OffboardGoal, now: Time) -> None:
@@ -252,7 +258,7 @@ class OffboardControl:
         request. The latter is ruled out for a vehicle that has landed, which would take off again,
         and for one that a person may be controlling."""
         silence = self.detector.silence
-        is_stable = age < MOST_GAP and (silence is None or now - silence.ended > STABLE)
+        is_stable = age < MOST_GAP and (silence is None or now - silence.ended > STABLE_LINK_NS)
         back = self._recovery
         is_down = self._status.landed is LandedState.GROUND or self._lift_off.is_low
         if back.is_unasked and (is_down or back.is_elsewhere):

@@ -39,20 +39,20 @@ STEERING = (
     "SET_ATTITUDE_TARGET",
 )  # fmt: skip
 """Messages that command a vehicle."""
-REQUESTS = 500
+FIRST_REQUEST_COMMAND = 500
 """From this MAV_CMD on, commands request data or set up a device; lower ones make a vehicle act."""
-SENT: Time = NS
+SETPOINT_VALIDITY_NS: Time = NS
 """How long the autopilot may follow a setpoint after we sent it."""
 MOST_SENT = 256
-NEAR = (0.3, 0.3, 1.0)
+TARGET_TOLERANCES = (0.3, 0.3, 1.0)
 """The largest distance between the target and our setpoint: metres, m/s, m/s^2."""
-RESTS = 0.05
+REST_TOLERANCE = 0.05
 """A velocity or an acceleration up to this counts as rest, m/s or m/s^2."""
 NO_THRUST: Vec3 = (0.0, 0.0, 100.0)
 """The acceleration (NED, m/s^2) with which PX4's position controller commands zero thrust."""
-OFTEN, WITHIN = 2, 3 * NS
+FOREIGN_TARGETS, FOREIGN_WINDOW_NS = 2, 3 * NS
 """This many foreign targets within this time are reported."""
-AGAIN: Time = 10 * NS
+FINDING_REPEAT_NS: Time = 10 * NS
 """The pause before a finding is reported again."""
 IGNORED = (NO_POSITION, NO_VELOCITY, NO_ACCELERATION)
 FIELDS = ("position", "velocity", "acceleration")
@@ -74,7 +74,7 @@ class OtherCommanders:
         self.stations: set[int] = set()
         self._system, self._own = system, own_system
         self._sent: deque[tuple[Time, Message]] = deque(maxlen=MOST_SENT)
-        self._foreign: deque[Time] = deque(maxlen=OFTEN)
+        self._foreign: deque[Time] = deque(maxlen=FOREIGN_TARGETS)
         self._reported: dict[str, Time] = {}
         self._new: list[str] = []
 
@@ -96,11 +96,11 @@ class OtherCommanders:
         if target is None:
             return
         field, value = target
-        rests = (field > 0 and norm(value) <= RESTS) or (field == 2 and value == NO_THRUST)
+        rests = (field > 0 and norm(value) <= REST_TOLERANCE) or (field == 2 and value == NO_THRUST)
         if rests or self._is_ours(target, now):
             return
         self._foreign.append(now)
-        if len(self._foreign) == OFTEN and now - self._foreign[0] <= WITHIN:
+        if len(self._foreign) == FOREIGN_TARGETS and now - self._foreign[0] <= FOREIGN_WINDOW_NS:
             kind, (x, y, z) = FIELDS[field], value
             self._report(
                 f"it follows setpoints that this program did not send: {kind}"
@@ -117,19 +117,19 @@ class OtherCommanders:
     def _is_ours(self, target: _Target, now: Time) -> bool:
         last = self._sent[-1][0] if self._sent else now
         for sent, message in reversed(self._sent):
-            if now - sent > SENT and sent != last:
+            if now - sent > SETPOINT_VALIDITY_NS and sent != last:
                 break
             ours = _target(message)
             if ours is None or ours.field != target.field:
                 continue
-            if distance(target.value, ours.value) <= NEAR[target.field]:
+            if distance(target.value, ours.value) <= TARGET_TOLERANCES[target.field]:
                 return True
         return False
 
     def answered(self, message: Message, now: Time) -> None:
         """Check a COMMAND_ACK for a command from another system."""
         to = message.target_system
-        if to not in (0, self._own, self._system) and message.command < REQUESTS:
+        if to not in (0, self._own, self._system) and message.command < FIRST_REQUEST_COMMAND:
             self._report(f"system {to} commands it: {name_of(message.command)}", now)
 
     def overheard(self, message: Message, now: Time) -> None:
@@ -140,7 +140,7 @@ class OtherCommanders:
                 self.stations.add(sender)
         elif kind in STEERING and getattr(message, "target_system", 0) == self._system:
             command = getattr(message, "command", None)
-            if command is None or command < REQUESTS:
+            if command is None or command < FIRST_REQUEST_COMMAND:
                 what = kind if command is None else name_of(command)
                 self._report(f"system {sender} commands it: {what}", now)
 
@@ -157,7 +157,7 @@ class OtherCommanders:
     def _report(self, words: str, now: Time, about: str = "") -> None:
         about = about or words
         last = self._reported.get(about)
-        if last is None or now - last >= AGAIN:
+        if last is None or now - last >= FINDING_REPEAT_NS:
             self._reported[about] = now
             self._new.append(words)
 

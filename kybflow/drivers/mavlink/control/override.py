@@ -31,9 +31,9 @@ FAILSAFE_WORDS = (
 )  # fmt: skip
 """Words in a text by which an autopilot reports that it acted by itself. Some such texts are only
 notices, for example ArduPilot's text about a breach of its own fence."""
-BEFORE: Time = 2 * NS
+TEXT_LEAD_NS: Time = 2 * NS
 """How long before the mode change a text may have arrived to explain it."""
-AFTER: Time = NS // 2
+TEXT_DELAY_NS: Time = NS // 2
 """How long to wait for texts that explain the mode change."""
 LANDING_GRACE: Time = 3 * NS
 """How long a vehicle on the ground may be disarmed or in another mode before this counts as an
@@ -82,14 +82,14 @@ class OverrideDetector:
         in_air = self._status.landed in (LandedState.AIR, LandedState.TAKING_OFF)
         if not in_air and now - self._since <= LANDING_GRACE:
             return None
-        words = self._status.words(self._since - BEFORE)
+        words = self._status.words(self._since - TEXT_LEAD_NS)
         where = "in the air" if in_air else "on the ground"
         return OverrideCause(f"it disarmed {where}" + (f" ('{words}')" if words else ""))
 
     def _mode(self, since: Time, now: Time) -> OverrideCause | None:
         mode, words, silence = (
             self._modes.reported,
-            self._status.words(since - BEFORE, NOTICE),
+            self._status.words(since - TEXT_LEAD_NS, NOTICE),
             self.silence,
         )
         text = f" ('{words}')" if words else ""
@@ -103,14 +103,14 @@ class OverrideDetector:
         if any(word in words.lower() for word in FAILSAFE_WORDS):
             return OverrideCause(f"its own failsafe: {mode}{text}", True)
         on_ground = self._status.landed is LandedState.GROUND
-        if now - since < (LANDING_GRACE if on_ground else AFTER):
+        if now - since < (LANDING_GRACE if on_ground else TEXT_DELAY_NS):
             return None
         return OverrideCause(
             f"a person or itself put it into {mode}, and it does not say why{text}"
         )
 
 
-REQUESTED: Time = 10 * NS
+RECLAIM_TIMEOUT_NS: Time = 10 * NS
 """How long control is requested."""
 NO_POSITION = "its position is unknown, so it can't hold it"
 
@@ -170,9 +170,9 @@ class ControlRecovery:
 
     def timed_out(self, now: Time) -> str:
         """Return why control has not returned within the time limit; empty until then."""
-        if now - self._asked <= REQUESTED:
+        if now - self._asked <= RECLAIM_TIMEOUT_NS:
             return ""
-        return f"{self._modes.trouble}, asked for {REQUESTED / NS:.0f} s"
+        return f"{self._modes.trouble}, asked for {RECLAIM_TIMEOUT_NS / NS:.0f} s"
 
     def step(self, now: Time) -> bool:
         """Send the hold command and request the mode; return whether the vehicle follows. Called

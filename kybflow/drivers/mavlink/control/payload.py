@@ -20,7 +20,7 @@ from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
 STREAMS = MappingProxyType({"SERVO_OUTPUT_RAW": 10.0})
 """The stream that reports the position of the output, Hz."""
-SEEN = 2.0
+OUTPUT_TIMEOUT_S = 2.0
 """Seconds within which an output must move after the acknowledgement; also the greatest age of a
 report of the outputs."""
 
@@ -79,13 +79,13 @@ class PayloadGrip:
             self._accepted = now
         reported = self._status.at.get("SERVO_OUTPUT_RAW")
         shown = self._left[0].seen and self._output.shown
-        if not shown or reported is None or now - reported > SEEN * NS:
+        if not shown or reported is None or now - reported > OUTPUT_TIMEOUT_S * NS:
             return True
         if reported >= self._accepted:
             pulses = codec.payload(self._status.servos, self._output.number, now)
             if pulses is not None and pulses.is_open is is_open:
                 return True
-        if now - self._accepted > SEEN * NS:
+        if now - self._accepted > OUTPUT_TIMEOUT_S * NS:
             rests = "" if self._status.armed else " (it is disarmed)"
             name, (number, parameter, _) = name_of(self._left[0].command), self._output
             self._next(f"it took {name}, but output {number} does not move{rests}: see {parameter}")

@@ -22,12 +22,12 @@ from kybflow.drivers.mavlink.telemetry.received_status import ReceivedStatus
 
 Outcome = Literal["waiting", "accepted", "refused", "silent"]
 
-TIMEOUT = 0.3
-ATTEMPTS = 5
-LONGEST: Time = 2 * NS
+WAIT_S = 0.3
+MOST_ATTEMPTS = 5
+MAX_PAUSE_NS: Time = 2 * NS
 WORDS_LATE: Time = 3 * NS // 10
 """How long after a refusal the text with its reason may arrive."""
-PROGRESS: Time = 10 * NS
+PROGRESS_TIMEOUT_NS: Time = 10 * NS
 """How long a command in progress may go without a report."""
 
 ACCEPTED, IN_PROGRESS = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS
@@ -95,8 +95,8 @@ class CommandRequests:
         command: int,
         *params: float,
         now: Time,
-        timeout: float = TIMEOUT,
-        attempts: int = ATTEMPTS,
+        timeout: float = WAIT_S,
+        attempts: int = MOST_ATTEMPTS,
     ) -> CommandRequest:
         """Request a command (MAV_CMD) with up to seven parameters; missing ones are 0. If an
         identical request is still waiting, return that one. timeout: seconds until the command is
@@ -133,7 +133,7 @@ class CommandRequests:
                 request.end("accepted")
             elif result == IN_PROGRESS:
                 request.is_in_progress = True
-                request.next = now + PROGRESS
+                request.next = now + PROGRESS_TIMEOUT_NS
             else:
                 request.refusal = RESULTS[result] if result < len(RESULTS) else f"result {result}"
                 request.next = now + WORDS_LATE
@@ -159,7 +159,7 @@ class CommandRequests:
             if now < request.next:
                 continue
             request.next = now + request.wait
-            request.wait = min(2 * request.wait, LONGEST)
+            request.wait = min(2 * request.wait, MAX_PAUSE_NS)
             again = min(request.sent, 255)
             request.sent += 1
             messages.append(
@@ -189,7 +189,7 @@ def name_of(command: int) -> str:
     return entry.name.removeprefix("MAV_CMD_") if entry else f"command {command}"
 
 
-SHOWN = 1.5
+EFFECT_TIMEOUT_S = 1.5
 """Seconds within which the effect of an accepted command must show; heartbeats arrive once a
 second."""
 
@@ -203,7 +203,7 @@ class Retries:
 
     def __init__(
         self, requests: CommandRequests, command: int, params: tuple[float, ...],
-        first: float = 0.5, most: float = 4.0, shown: float = SHOWN,
+        first: float = 0.5, most: float = 4.0, shown: float = EFFECT_TIMEOUT_S,
     ) -> None:  # fmt: skip
         self.refusal = ""
         self._requests, self._command, self._params = requests, command, params
@@ -224,7 +224,7 @@ class Retries:
             self._pause = min(2.0 * self._pause, self._most)
         if self._request is None and (self._due is None or now >= self._due):
             self._request = self._requests.ask(
-                self._command, *self._params, now=now, timeout=min(self._pause, TIMEOUT), attempts=2
+                self._command, *self._params, now=now, timeout=min(self._pause, WAIT_S), attempts=2
             )
 
     def drop(self) -> None:

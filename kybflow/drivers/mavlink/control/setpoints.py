@@ -22,7 +22,7 @@ from kybflow.core.geometry import ZERO, Vec3, add, scale
 from kybflow.core.signals import NS, Command, CommandKind, SetpointKind, Time
 from kybflow.drivers.mavlink.firmware import Latency
 
-OLDEST: Time = NS // 4
+MAX_AGE_NS: Time = NS // 4
 """A command older than this is no longer sent."""
 
 
@@ -51,7 +51,7 @@ class SetpointStream:
         command = self._command
         if command is None or now < self._due:
             return None
-        if now - self._fed > OLDEST:
+        if now - self._fed > MAX_AGE_NS:
             self.stop()
             return None
         self._due += self._period
@@ -87,18 +87,18 @@ def compensated(command: Command, latency: Latency) -> Command:
     return command._replace(setpoint=ahead)
 
 
-LIFTS: Time = 5 * NS
+LIFT_OFF_TIMEOUT_NS: Time = 5 * NS
 """How long downward commands are held back at most."""
-LOW = 0.3
+LOW_HEIGHT = 0.3
 """Height above the ground, metres, below which the vehicle may be landing."""
-PUSH, GROWTH, HARDEST = 1.5, 0.5, 4.0
+INITIAL_PUSH, PUSH_GROWTH, MAX_PUSH = 1.5, 0.5, 4.0
 """An upward acceleration: its initial value, m/s^2, its growth, m/s^3, and its maximum, m/s^2."""
 
 
 class LiftOff:
     """Lets one vehicle lift off: withholds commands that would keep it on the ground, for at most
-    `LIFTS` nanoseconds. hold: returns the command to stay at the vehicle's present position, None
-    while the position is unknown."""
+    `LIFT_OFF_TIMEOUT_NS`. hold: returns the command to stay at the vehicle's present
+    position, None while the position is unknown."""
 
     def __init__(self, hold: Callable[[], Command | None]) -> None:
         self._hold = hold
@@ -118,7 +118,7 @@ class LiftOff:
         """Whether the vehicle is near the height at which it last stood disarmed, and so may be
         landing."""
         height = self.height
-        return height is not None and self._floor is not None and height - self._floor < LOW
+        return height is not None and self._floor is not None and height - self._floor < LOW_HEIGHT
 
     def stand(self, now: Time) -> None:
         """Record that the vehicle is disarmed; called once a tick while it is."""
@@ -132,7 +132,7 @@ class LiftOff:
 
     def begin(self, now: Time) -> None:
         """Begin to hold commands back, because the vehicle is taking off."""
-        self._until = now + LIFTS
+        self._until = now + LIFT_OFF_TIMEOUT_NS
 
     def end(self) -> None:
         self._until = None
@@ -164,7 +164,7 @@ def raised(command: Command, height: float, seconds: float) -> Command:
         higher = setpoint._replace(position=place, velocity=ZERO, acceleration=ZERO, jerk=ZERO)
         return command._replace(setpoint=higher)
     if (asked := _acceleration(command)) is not None:
-        push = (asked[0], asked[1], min(PUSH + GROWTH * seconds, HARDEST))
+        push = (asked[0], asked[1], min(INITIAL_PUSH + PUSH_GROWTH * seconds, MAX_PUSH))
         return command._replace(setpoint=setpoint._replace(acceleration=push, jerk=ZERO))
     return command
 

@@ -33,19 +33,19 @@ NAMES = MappingProxyType(
         21: "SMART_RTL",
     }
 )  # fmt: skip
-HAS_POSITION, GUESSES = 16, 128
+HAS_POSITION, GUESSES_POSITION = 16, 128
 """Flags of its estimator: it has an absolute position; it only holds its last position."""
-GRIPPER, RELAY, FREE = 28, -1, 0
+GRIPPER, RELAY, FREE_OUTPUT = 28, -1, 0
 """Functions of an output: the gripper; a relay, which is on or off; none, so that the output can be
 commanded freely."""
 FIRST_AUXILIARY = 9
 """The number of the first auxiliary output; as a relay it is number 0."""
-OPEN, CLOSED = 1100.0, 1900.0
+OPEN_PULSE, CLOSED_PULSE = 1100.0, 1900.0
 """Pulse lengths in microseconds."""
-GATE = 0.6
+INNOVATION_GATE = 0.6
 """The largest innovation that its estimator accepts, metres: three times 0.2 m, the smallest
 standard deviation that the estimator assigns to an external position."""
-FINEST = 0.02
+MIN_SPREAD = 0.02
 """The smallest standard deviation that is reported, metres."""
 
 _CLIMBS = "it would climb and return"
@@ -132,7 +132,7 @@ def output(channel: int, _simulator: bool) -> Output:
 def grip(channel: int, is_open: bool, function: float | None) -> tuple[PayloadCommand, ...]:
     """Return the commands that open or close an output. A relay is open when it is off. The gripper
     is the first one."""
-    servo = PayloadCommand(DO_SET_SERVO, (float(channel), OPEN if is_open else CLOSED))
+    servo = PayloadCommand(DO_SET_SERVO, (float(channel), OPEN_PULSE if is_open else CLOSED_PULSE))
     gripper = PayloadCommand(DO_GRIPPER, (1.0, RELEASE if is_open else GRAB))
     if function is None:
         return (servo, gripper)
@@ -141,7 +141,7 @@ def grip(channel: int, is_open: bool, function: float | None) -> tuple[PayloadCo
         return (PayloadCommand(DO_SET_RELAY, (number, 0.0 if is_open else 1.0), seen=False),)
     if function == GRIPPER:
         return (gripper,)
-    return (servo,) if function == FREE else ()
+    return (servo,) if function == FREE_OUTPUT else ()
 
 
 def ready(status: ReceivedStatus) -> str | None:
@@ -162,9 +162,9 @@ def spread(status: Message) -> float | None:
     """Return an upper bound on the standard deviation of the position, metres, from
     EKF_STATUS_REPORT; None without a position. The "variance" there is the last innovation divided
     by the largest accepted one, so the result is a bound and not an estimate."""
-    if not status.flags & HAS_POSITION or status.flags & GUESSES:
+    if not status.flags & HAS_POSITION or status.flags & GUESSES_POSITION:
         return None
-    return max(GATE * float(status.pos_horiz_variance), FINEST)
+    return max(INNOVATION_GATE * float(status.pos_horiz_variance), MIN_SPREAD)
 
 
 PROFILE = FirmwareProfile(

@@ -65,7 +65,7 @@ NO_RATES, NO_ATTITUDE = 0b111, 1 << 7
 ATTITUDE_SPREAD, VELOCITY_SPREAD = 0.03, 0.05
 """The standard deviations of attitude, rad, and velocity, m/s, sent to an autopilot; no estimator
 provides them."""
-QUALITY = 100
+POSE_QUALITY = 100
 """The quality of a pose in ODOMETRY, per cent."""
 
 
@@ -116,7 +116,7 @@ def vision(estimate: Estimate, *, stamp_us: int, resets: int) -> Message:
         *to_frd(rotate(body, estimate.velocity)), *to_frd(estimate.angular_velocity),
         *_covariance(estimate.spread), *VELOCITY_COVARIANCE,
         mavlink.MAV_FRAME_LOCAL_FRD, mavlink.MAV_FRAME_BODY_FRD, resets & 0xFF,
-        mavlink.MAV_ESTIMATOR_TYPE_VISION, QUALITY,
+        mavlink.MAV_ESTIMATOR_TYPE_VISION, POSE_QUALITY,
     )  # fmt: skip
 
 
@@ -197,13 +197,13 @@ VELOCITY_COVARIANCE = _covariance(VELOCITY_SPREAD)
 
 MILLI_G, MILLI = 9.80665e-3, 1e-3
 """The units of RAW_IMU and SCALED_IMU in m/s^2 and rad/s."""
-UNKNOWN = 0xFFFF
+UNSET_FIELD = 0xFFFF
 """The value of an unset unsigned 16-bit field."""
 NO_STICK = 0x7FFF
 """The value of an unset signed 16-bit field."""
 FIX = mavlink.GPS_FIX_TYPE_3D_FIX
 """The lowest GPS fix type that includes a height."""
-DILUTED = 2.5
+DILUTION_SPREAD = 2.5
 """The standard deviation of a GPS position, metres per unit of its dilution of precision, used if
 the receiver reports no accuracy."""
 SERVO_MIDDLE = 1500
@@ -267,9 +267,9 @@ def battery(message: Message, time: Time) -> Battery | None:
         return None
     if message.get_type() == "SYS_STATUS":
         millivolts = message.voltage_battery
-        known = millivolts not in (0, UNKNOWN)
+        known = millivolts not in (0, UNSET_FIELD)
     else:
-        cells = tuple(takewhile(lambda cell: cell != UNKNOWN, message.voltages))
+        cells = tuple(takewhile(lambda cell: cell != UNSET_FIELD, message.voltages))
         millivolts = sum(cells)
         known = message.id == 0 and millivolts > 0
     if not known:
@@ -302,7 +302,7 @@ def sticks(message: Message, time: Time) -> Sticks | None:
     if message.get_type() == "RC_CHANNELS":
         count = min(message.chancount, 18)
         pulses = [getattr(message, f"chan{n}_raw") for n in range(1, count + 1)]
-        known = takewhile(lambda pulse: pulse not in (0, UNKNOWN), pulses)
+        known = takewhile(lambda pulse: pulse not in (0, UNSET_FIELD), pulses)
         channels = [min(max((pulse - 1500) / 500, -1.0), 1.0) for pulse in known]
         if len(channels) < 4:
             return None
@@ -321,7 +321,7 @@ def payload(servos: tuple[int, ...], channel: int, time: Time) -> Payload | None
     holds a payload is unknown. servos: the pulses of SERVO_OUTPUT_RAW, microseconds, channel 1
     first."""
     pulse = servos[channel - 1] if channel <= len(servos) else 0
-    if pulse in (0, UNKNOWN):
+    if pulse in (0, UNSET_FIELD):
         return None
     return Payload(time, pulse < SERVO_MIDDLE, None)
 
@@ -331,4 +331,4 @@ def _gps_spread(accuracy: int, dilution: int) -> float | None:
     dilution in hundredths; None if both are unset."""
     if accuracy > 0:
         return accuracy * MILLI
-    return None if dilution == UNKNOWN else DILUTED * dilution / 100.0
+    return None if dilution == UNSET_FIELD else DILUTION_SPREAD * dilution / 100.0

@@ -20,7 +20,7 @@ from operator import attrgetter, itemgetter
 from typing import Any, ClassVar
 
 from kybflow.core.errors import DriverError
-from kybflow.drivers.mavlink.protocol.signing import SIGNATURE, Signing
+from kybflow.drivers.mavlink.protocol.signing import SIGNATURE_BYTES, Signing
 
 try:
     from pymavlink.dialects.v20 import all as dialect
@@ -35,10 +35,10 @@ Message = Any
 `get_srcSystem()`, `get_srcComponent()` and the fields."""
 ONBOARD: int = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
 """Our component id, that of an onboard computer."""
-FIRST = 0xFE
-SECOND = 0xFD
+START_V1 = 0xFE
+START_V2 = 0xFD
 """The first byte of a frame in version 1 and in version 2."""
-SIGNED = 1
+SIGNED_FLAG = 1
 """The flag of a signed frame, the only known one of the flags that a receiver must understand."""
 _MARKER = re.compile(b"[\xfd\xfe]")
 _HEADER = struct.Struct("<BBBBBBBHB")
@@ -51,14 +51,14 @@ _SENDER = -3
 def size_of(data: bytes, at: int, end: int) -> int:
     """Return the size of the frame that begins at index `at`; 0 if none begins there, -1 if it is
     incomplete. end: the length of the data."""
-    if data[at] == SECOND:
+    if data[at] == START_V2:
         if end - at < 3:
             return -1
         flags = data[at + 2]
-        if flags & ~SIGNED:
+        if flags & ~SIGNED_FLAG:
             return 0  # frames with unknown flags must be dropped
-        size = _SECOND_HEAD + data[at + 1] + _CHECKSUM + (SIGNATURE if flags else 0)
-    elif data[at] == FIRST:
+        size = _SECOND_HEAD + data[at + 1] + _CHECKSUM + (SIGNATURE_BYTES if flags else 0)
+    elif data[at] == START_V1:
         if end - at < 2:
             return -1
         size = _FIRST_HEAD + data[at + 1] + _CHECKSUM
@@ -73,18 +73,18 @@ Sender = tuple[int, int, int]
 
 def _body(frame: bytes) -> int:
     """Return the index at which the payload of a complete frame ends."""
-    if frame[2] == SIGNED and frame[0] == SECOND:
-        return len(frame) - _CHECKSUM - SIGNATURE
+    if frame[2] == SIGNED_FLAG and frame[0] == START_V2:
+        return len(frame) - _CHECKSUM - SIGNATURE_BYTES
     return len(frame) - _CHECKSUM
 
 
 def is_signed(frame: bytes) -> bool:
-    return frame[0] == SECOND and frame[2] == SIGNED
+    return frame[0] == START_V2 and frame[2] == SIGNED_FLAG
 
 
 def number_of(frame: bytes) -> int:
     """Return the frame's message id."""
-    return frame[5] if frame[0] == FIRST else frame[7] | frame[8] << 8 | frame[9] << 16
+    return frame[5] if frame[0] == START_V1 else frame[7] | frame[8] << 8 | frame[9] << 16
 
 
 def next_of(data: bytes, at: int) -> int:
@@ -196,7 +196,7 @@ class MessageLayout:
             raise DriverError(f"a {message.get_type()} can't be sent: {error}") from error
         payload = packed.rstrip(b"\0") or b"\0"
         head = _HEADER.pack(
-            SECOND, len(payload), flags, 0, sequence, *sender, self.id & 0xFFFF, self.id >> 16
+            START_V2, len(payload), flags, 0, sequence, *sender, self.id & 0xFFFF, self.id >> 16
         )
         data = head + payload
         return data + _checksum(data[1:] + self.extra).to_bytes(_CHECKSUM, "little")
@@ -290,7 +290,7 @@ class Parser:
         continues at the next byte, so no valid frame is lost."""
         size = len(data)
         if (
-            self._signing is None and not self._rest and size >= _SHORTEST and data[0] == SECOND
+            self._signing is None and not self._rest and size >= _SHORTEST and data[0] == START_V2
             and not data[2] and size == data[1] + _SHORTEST
         ):  # fmt: skip
             # exactly one unsigned frame, as in most datagrams, so no search is needed
@@ -343,7 +343,7 @@ class Parser:
         number = number_of(frame)
         layout = LAYOUTS.get(number)
         if layout is None:  # no checksum to compare: a frame must follow instead
-            if after and after[0] not in {FIRST, SECOND}:
+            if after and after[0] not in {START_V1, START_V2}:
                 return None
             self.counts.unknown += 1
             return _DROPPED
@@ -351,7 +351,7 @@ class Parser:
         if not layout.fits(frame, body):
             return None
         head, sender = _SECOND_HEAD, (frame[5], frame[6], frame[4])
-        if frame[0] == FIRST:
+        if frame[0] == START_V1:
             head, sender = _FIRST_HEAD, (frame[3], frame[4], frame[2])
         system, component, _ = sender
         if not self._is_accepted(frame, system, component):
@@ -399,7 +399,7 @@ class Packer:
         if self._signing is None:
             frame = layout.frame(message, sequence, sender, 0)
         else:
-            frame = layout.frame(message, sequence, sender, SIGNED)
+            frame = layout.frame(message, sequence, sender, SIGNED_FLAG)
             frame += self._signing.signature(frame, self._link)
         self._sequences[component] = (sequence + 1) % 256
         return frame

@@ -24,14 +24,14 @@ from string import hexdigits
 
 from kybflow.core.errors import DriverError
 
-SIGNATURE = 13
+SIGNATURE_BYTES = 13
 """The size of a signature with its link id and time, bytes."""
-STEP = 10_000
+STAMP_STEP_NS = 10_000
 """The resolution of the time stamp, nanoseconds."""
-EPOCH = 1_420_070_400_000_000_000
+EPOCH_NS = 1_420_070_400_000_000_000
 """The start of 2015 in nanoseconds since 1970."""
 MINUTE = 60 * 100_000
-KEY = 32
+KEY_BYTES = 32
 
 
 class Signing:
@@ -40,8 +40,8 @@ class Signing:
 
     def __init__(self, key: bytes, read: Callable[[], int] = time.time_ns) -> None:
         """Create the signer. Raises DriverError unless the key has 32 bytes."""
-        if len(key) != KEY:
-            raise DriverError(f"the key of signed messages has {len(key)} bytes, not {KEY}")
+        if len(key) != KEY_BYTES:
+            raise DriverError(f"the key of signed messages has {len(key)} bytes, not {KEY_BYTES}")
         self._key, self._read = key, read
         self._newest = 0
         self._last: dict[tuple[int, int, int], int] = {}
@@ -70,7 +70,7 @@ class Signing:
         return True
 
     def _now(self) -> int:
-        return max(0, self._read() - EPOCH) // STEP
+        return max(0, self._read() - EPOCH_NS) // STAMP_STEP_NS
 
 
 def read_key(path: Path) -> bytes:
@@ -90,14 +90,14 @@ def read_key(path: Path) -> bytes:
     except UnicodeDecodeError:
         text = "\0"
     if not text.isprintable():  # 32 random bytes practically never are text
-        if len(data) != KEY:
+        if len(data) != KEY_BYTES:
             raise DriverError(
-                f"`{path}` has {len(data)} bytes, which are no text: a key is {KEY} bytes,"
-                f" {2 * KEY} hexadecimal digits or a passphrase"
+                f"`{path}` has {len(data)} bytes, which are no text: a key is {KEY_BYTES} bytes,"
+                f" {2 * KEY_BYTES} hexadecimal digits or a passphrase"
             )
         return data
     if not text:
         raise DriverError(f"`{path}` is empty: write a passphrase into it")
-    if len(text) == 2 * KEY and all(character in hexdigits for character in text):
+    if len(text) == 2 * KEY_BYTES and all(character in hexdigits for character in text):
         return bytes.fromhex(text)
     return sha256(text.encode()).digest()

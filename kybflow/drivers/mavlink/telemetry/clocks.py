@@ -22,13 +22,13 @@ from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 
 MS: Time = NS // 1000
-BACK: Time = NS
+STAMP_TOLERANCE_NS: Time = NS
 """A stamp earlier than the newest one by more than this is late, or from another boot."""
-AGREED = 3
+REBOOT_STAMPS = 3
 """After this many such stamps in a row the autopilot counts as rebooted."""
 LONGEST_UP = 10 * 365 * 86400 * NS
 """A larger stamp counts from 1970 instead of from the boot."""
-INTERVAL: Time = NS // 5
+PERIOD_NS: Time = NS // 5
 """The interval between two requests. After a link has held messages back and delivered them all at
 once, the last round trip is no longer than this, however long the delay was."""
 MOST_AWAITED = 20
@@ -49,9 +49,9 @@ class BootClock:
     def to_run(self, boot: Time, now: Time) -> Time:
         """Convert a stamp, nanoseconds since the boot, of a message that arrived now to the run's
         time. The result is never in the future, and never before that of an earlier stamp."""
-        if self._newest is not None and boot < self._newest[0] - BACK:
+        if self._newest is not None and boot < self._newest[0] - STAMP_TOLERANCE_NS:
             self._back += 1
-            if self._back < AGREED:
+            if self._back < REBOOT_STAMPS:
                 return now
             self.reboots += 1
             self._offset, self._newest = Offset(), None
@@ -100,7 +100,7 @@ class TimeSync:
         """Return the request to send now, if one is due."""
         if now < self._next:
             return []
-        self._next = now + INTERVAL
+        self._next = now + PERIOD_NS
         self._asked.append(now)
         return [_message(0, now)]
 

@@ -48,11 +48,11 @@ STATUS = frozenset({"ESTIMATOR_STATUS", "EKF_STATUS_REPORT"})
 them."""
 MOTION_RATE, INERTIAL_RATE = 50.0, 100.0
 """Rates, Hz, of the messages with which the vehicle is flown."""
-IDLE = 25.0
+IDLE_RATE_HZ = 25.0
 """Rate, Hz, of the same messages if the vehicle is not flown with them. It suffices to learn the
 drift of the autopilot's frame and the resting bias of its IMU, to hold still, and to begin a blind
 descent until the rate is raised."""
-OLDEST: Time = 2 * NS
+MAX_AGE_NS: Time = 2 * NS
 """The greatest age at which an attitude is combined with a position."""
 
 
@@ -118,8 +118,8 @@ class Telemetry:
         """Return the rates of the streams that are read, Hz, by message name. kinds: the
         measurements with which the vehicle is flown."""
         rates = {
-            **dict.fromkeys(MOTION, MOTION_RATE if Odometry in kinds else IDLE),
-            **dict.fromkeys(INERTIAL, INERTIAL_RATE if Imu in kinds else IDLE),
+            **dict.fromkeys(MOTION, MOTION_RATE if Odometry in kinds else IDLE_RATE_HZ),
+            **dict.fromkeys(INERTIAL, INERTIAL_RATE if Imu in kinds else IDLE_RATE_HZ),
             "BATTERY_STATUS": 2.0, "RC_CHANNELS": 10.0, "GPS_RAW_INT": 5.0,
         }  # fmt: skip
         return {name: rate for name, rate in rates.items() if name in self._handlers}
@@ -154,7 +154,7 @@ class Telemetry:
             self.anchor = self.anchor if self._is_outside else None
         self._has_flown = self._has_flown or self._status.armed
         attitude = self._attitude
-        if attitude is None or now - self._status.at.get("ATTITUDE_QUATERNION", now) > OLDEST:
+        if attitude is None or now - self._status.at.get("ATTITUDE_QUATERNION", now) > MAX_AGE_NS:
             return None
         m = message
         if not codec.is_finite(m.x, m.y, m.z, m.vx, m.vy, m.vz):
@@ -214,7 +214,7 @@ class Telemetry:
         return codec.gps(message, now, origin=self._origin, anchor=self.anchor)
 
 
-SILENT: Time = 5 * NS
+BATTERY_TIMEOUT_NS: Time = 5 * NS
 """SYS_STATUS is used only if BATTERY_STATUS has been silent for this long."""
 LOW = mavlink.MAV_BATTERY_CHARGE_STATE_LOW
 CRITICAL = mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL
@@ -253,7 +253,7 @@ class BatteryReports:
         if not is_general:
             self._states[message.id] = message.charge_state
         last = self._status.at.get("BATTERY_STATUS")
-        is_better_known = is_general and last is not None and now - last < SILENT
+        is_better_known = is_general and last is not None and now - last < BATTERY_TIMEOUT_NS
         before = self._newest
         newest = (None if is_better_known else codec.battery(message, now)) or before
         if newest is None:

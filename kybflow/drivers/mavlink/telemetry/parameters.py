@@ -17,7 +17,7 @@ from types import MappingProxyType
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 
-TRIES = 3
+MOST_TRIES = 3
 FIRST_WAIT: Time = NS // 2
 AT_ONCE = 5
 """The largest number of unanswered requests at a time."""
@@ -131,7 +131,7 @@ class AutopilotParameters:
         if not self._exchanges:
             return []
         for name, exchange in list(self._exchanges.items()):
-            if exchange.tries >= TRIES and now >= exchange.next:
+            if exchange.tries >= MOST_TRIES and now >= exchange.next:
                 del self._exchanges[name]
                 if exchange.value is None or name not in self._types:
                     self._forget(name, exchange)

@@ -24,7 +24,7 @@ WARNING, NOTICE = mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_NOTICE
 NO_AUTOPILOT = mavlink.MAV_AUTOPILOT_INVALID
 ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 READY = mavlink.MAV_SYS_STATUS_PREARM_CHECK
-CHUNK = 50
+TEXT_CHUNK = 50
 CHUNK_TIMEOUT: Time = NS // 5
 """How long a text waits for its missing chunks."""
 STREAMS = MappingProxyType(
@@ -209,7 +209,7 @@ class ReceivedStatus:
             self._chunks[key] = _Chunks(now, message.severity)
         chunks = self._chunks[key]
         chunks.parts[message.chunk_seq] = text
-        if len(text) < CHUNK:
+        if len(text) < TEXT_CHUNK:
             chunks.last = max(message.chunk_seq, chunks.last or 0)
         if chunks.is_whole:
             self._end(key)

@@ -8,8 +8,8 @@ extrapolated. When messages stop there is no truth.
 
 Geographic positions are rounded to 1e-7 degrees, 1.1 cm, and a tracker would read a velocity of 1
 m/s from such a step. The velocity is finer, so the position follows the integral of the velocity.
-An error within the rounding is corrected by the fraction `SHARE` per message; any excess is
-corrected at once.
+An error within the rounding is corrected by the fraction `SMOOTHING_SHARE` per message; any excess
+is corrected at once.
 
 The firmware knows no parcel. While carried, the parcel has no weight, as in kybflow's own
 simulator. Once released, it falls as a point without drag or bounce and comes to rest on the floor.
@@ -46,10 +46,10 @@ from kybflow.world.vehicle_context import Parcel, VehicleContext
 
 STREAMS = MappingProxyType({"SIM_STATE": 50.0, "HIL_STATE_QUATERNION": 50.0})
 """The messages that hold the truth, Hz; each firmware's simulator sends one of them."""
-STEP = 0.012
+POSITION_STEP = 0.012
 """The largest rounding error of a reported position, metres."""
-SHARE = 0.04
-LONGEST = 0.2
+SMOOTHING_SHARE = 0.04
+MAX_EXTRAPOLATION_S = 0.2
 """Seconds after a message for which the motion is extrapolated; after that there is no truth."""
 
 
@@ -110,7 +110,7 @@ class GroundTruth:
 
     def truth(self, now: Time) -> Truth | None:
         """Return the true state of the vehicle and its parcel. Return None until the vehicle has
-        been on the ground, and if no message arrived for `LONGEST`."""
+        been on the ground, and if no message arrived for `MAX_EXTRAPOLATION_S`."""
         vehicle = self._vehicle(now)
         if vehicle is None or self._parcel is None:
             return vehicle
@@ -129,7 +129,7 @@ class GroundTruth:
 
     def _vehicle(self, now: Time) -> Truth | None:
         gone = max((now - self._at) / NS, 0.0)
-        if self._newest is None or gone > LONGEST:
+        if self._newest is None or gone > MAX_EXTRAPOLATION_S:
             return None
         if self._now is None or self._now[0] != now:
             position, velocity, attitude, turn, payload = self._newest
@@ -142,7 +142,7 @@ class GroundTruth:
     def _followed(self, place: Vec3, velocity: Vec3, now: Time) -> Vec3:
         """Return the position with its rounding errors smoothed."""
         last, gone = self._newest, (now - self._at) / NS
-        if last is None or gone > LONGEST:
+        if last is None or gone > MAX_EXTRAPOLATION_S:
             return place
         mean = scale(add(last.velocity, velocity), 0.5)
         ahead = add(last.position, scale(mean, gone))
@@ -152,8 +152,8 @@ class GroundTruth:
 
 def _corrected(ahead: float, reported: float) -> float:
     off = reported - ahead
-    excess = off - max(-STEP, min(off, STEP))
-    return ahead + excess + SHARE * (off - excess)
+    excess = off - max(-POSITION_STEP, min(off, POSITION_STEP))
+    return ahead + excess + SMOOTHING_SHARE * (off - excess)
 
 
 class _Fall:

@@ -5,9 +5,9 @@ counter is incremented when the estimate changes its source or jumps, so that th
 at once and doesn't mistake the jump for motion.
 
 An autopilot's filter does not follow the poses exactly, so its frame drifts by centimetres against
-the world. Setpoints are shifted by that drift, which is learnt with the time constant `SLOW`: the
-vehicle then hovers where the mission's estimate has it, while the fast part of the motion, which
-the autopilot's filter knows better, is left to that filter."""
+the world. Setpoints are shifted by that drift, which is learnt with the time constant
+`DRIFT_TIME_S`: the vehicle then hovers where the mission's estimate has it, while the fast part of
+the motion, which the autopilot's filter knows better, is left to that filter."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from kybflow.drivers.mavlink.protocol import codec
 from kybflow.drivers.mavlink.protocol.frames import Anchor
 from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 
-OLDEST = 0.1
+MAX_AGE_S = 0.1
 """An estimate older than this, seconds, is not sent."""
-JUMP = 0.3
+JUMP_DISTANCE = 0.3
 """An estimate farther than this from its predicted position, metres, counts as a jump."""
-AGAIN = 2.0
+ORIGIN_PERIOD_S = 2.0
 """Seconds until the geographic position is sent again."""
 LATITUDE, LONGITUDE, HEIGHT = 473_977_418, 85_455_939, 488_000
 """The geographic position sent to a vehicle without GPS: 1e-7 degrees, and millimetres."""
@@ -48,12 +48,12 @@ class ExternalVision:
         """Return the messages to send for an estimate; none if no pose is due or the estimate is
         too old. stamp_us: the time of the estimate on the vehicle's clock. is_lost: whether the
         autopilot must be sent a geographic position."""
-        if not self.is_due(now) or estimate.age > OLDEST:
+        if not self.is_due(now) or estimate.age > MAX_AGE_S:
             return []
         last, self._last = self._last, estimate
         if last is not None:
             foreseen = add(last.position, scale(last.velocity, (estimate.time - last.time) / NS))
-            has_jumped = distance(foreseen, estimate.position) > JUMP
+            has_jumped = distance(foreseen, estimate.position) > JUMP_DISTANCE
             self._resets += has_jumped or estimate.source != last.source
         self._due += self._period
         if self._due <= now:
@@ -62,7 +62,7 @@ class ExternalVision:
         pose = codec.vision(estimate, stamp_us=stamp_us, resets=self._resets)
         if not is_lost or now < self._origin_due:
             return [pose]
-        self._origin_due = now + round(AGAIN * NS)
+        self._origin_due = now + round(ORIGIN_PERIOD_S * NS)
         place = (LATITUDE, LONGITUDE, HEIGHT)
         command, number = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
         return [
@@ -72,9 +72,9 @@ class ExternalVision:
         ]
 
 
-SLOW = 1.0
+DRIFT_TIME_S = 1.0
 """The time constant with which the drift is learnt, seconds."""
-FAR = 0.5
+MAX_DRIFT = 0.5
 """A greater distance, metres, is no drift; the preflight or a supervisor reports it."""
 OLDEST_OWN: Time = NS // 2
 """A position of the autopilot that is older is ignored. It also bounds how much is learnt after a
@@ -101,8 +101,8 @@ class FrameDrift:
         last, self._learnt = self._learnt, now
         ahead = scale(own.velocity, (estimate.time - own.time) / NS)
         off = sub(estimate.position, add(own.position, ahead))
-        if last is None or norm(off) > FAR:
+        if last is None or norm(off) > MAX_DRIFT:
             return
-        share = min(now - last, OLDEST_OWN) / NS / SLOW
+        share = min(now - last, OLDEST_OWN) / NS / DRIFT_TIME_S
         offset = add(self.anchor.offset, scale(sub(off, self.anchor.offset), share))
         self.anchor = Anchor(offset)

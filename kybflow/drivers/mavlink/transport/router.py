@@ -30,9 +30,9 @@ from kybflow.drivers.mavlink.transport.wire import MOST_HELD, Wire, to_ask
 
 AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 """The component id of the autopilot itself."""
-GONE: Time = 3 * NS
+ADDRESS_TIMEOUT_NS: Time = 3 * NS
 """After a silence this long a vehicle may send from another address."""
-AGAIN: Time = NS
+REPLY_PERIOD_NS: Time = NS
 """The pause between two heartbeats in reply to old signatures from one address."""
 MOST_SENDERS = 256
 LISTENERS = frozenset({mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ONBOARD_CONTROLLER})
@@ -127,7 +127,7 @@ class Port:
         counts only before the first message."""
         if trouble := self._line.wire.trouble():
             return trouble
-        if self._clash is not None and self._line.now - self._clash[0] < GONE:
+        if self._clash is not None and self._line.now - self._clash[0] < ADDRESS_TIMEOUT_NS:
             return (
                 f"system {self.system} is heard at {self._line.wire.address} from"
                 f" {_words(self._place)} and from {_words(self._clash[1])}: give one of the two"
@@ -142,7 +142,7 @@ class Port:
             return
         if (
             place != self._place and self._place is not None and self.last_heard is not None
-            and now - self.last_heard < GONE and self._line.wire.is_open(self._place)
+            and now - self.last_heard < ADDRESS_TIMEOUT_NS and self._line.wire.is_open(self._place)
         ):  # fmt: skip
             self._clash = now, place
             return
@@ -244,7 +244,7 @@ class _Line:
         if not systems or not self.ports or not self.wire.answers:
             return  # on other wires every receiver gets our heartbeats anyway
         last, at = self._answered
-        if place != last or now - at >= AGAIN:
+        if place != last or now - at >= REPLY_PERIOD_NS:
             self._answered = place, now
             self.ports.get(systems[0], next(iter(self.ports.values()))).answer(place)
 

@@ -18,8 +18,8 @@ MOST_AT_ONCE = 1000
 MOST_BYTES = 1 << 16
 """The largest numbers of datagrams and bytes read in one poll, so that a flood can't delay a
 tick."""
-LONGEST = 65536
-ROOM = 1 << 20
+MAX_DATAGRAM = 65536
+BUFFER_BYTES = 1 << 20
 """The bytes that the operating system buffers while a tick is late."""
 
 
@@ -62,7 +62,7 @@ class _Udp(Wire):
     def __init__(self, address: Address, opened: socket.socket) -> None:
         super().__init__(str(address))
         self._socket = opened
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
         self._trouble: str | None = None
         self._newest: Any = None
 
@@ -77,7 +77,7 @@ class _Udp(Wire):
         left = MOST_BYTES
         for _ in range(MOST_AT_ONCE):
             try:
-                came.append(self._socket.recvfrom(LONGEST))
+                came.append(self._socket.recvfrom(MAX_DATAGRAM))
                 left -= len(came[-1][0])
             except BlockingIOError:
                 break
@@ -134,10 +134,10 @@ class UdpOut(_Udp):
                 return
 
 
-SOON: Time = NS // 4
-LATE: Time = 2 * NS
+FIRST_RETRY_NS: Time = NS // 4
+LAST_RETRY_NS: Time = 2 * NS
 """The first and the longest pause between two attempts to open; the pause doubles each time."""
-OPENING: Time = 3 * NS
+OPENING_TIMEOUT_NS: Time = 3 * NS
 """How long an attempt to open may last."""
 
 
@@ -204,7 +204,7 @@ class ReopeningWire(Wire):
         self._trouble: str | None = f"{address}: not open yet"
         self._began: Time | None = None
         self._next: Time | None = None
-        self._pause: Time = SOON
+        self._pause: Time = FIRST_RETRY_NS
         self._now: Time = 0
 
     def trouble(self) -> str | None:
@@ -223,7 +223,7 @@ class ReopeningWire(Wire):
             self._lost(error)
             return ()
         if data:
-            self._pause = SOON
+            self._pause = FIRST_RETRY_NS
         return ((data, None),) if data else ()
 
     def send(self, data: bytes, to: Any = None) -> None:
@@ -243,7 +243,7 @@ class ReopeningWire(Wire):
         self._pipe = self._opened()
         if self._pipe is not None:
             self._trouble = None
-        elif now > self._began + OPENING:
+        elif now > self._began + OPENING_TIMEOUT_NS:
             raise TimeoutError("no answer")
         return self._pipe
 
@@ -252,7 +252,7 @@ class ReopeningWire(Wire):
         self._trouble = f"{self.address}: {words}"
         self._pipe = self._began = None
         self._next = self._now + self._pause
-        self._pause = min(2 * self._pause, LATE)
+        self._pause = min(2 * self._pause, LAST_RETRY_NS)
         self._end()
 
     @abstractmethod

@@ -15,7 +15,7 @@ from numba.core.errors import NumbaError
 from numba.cpython.unsafe.tuple import tuple_setitem
 
 from kybflow.drivers.sim.sensors import imu_sample
-from kybflow.drivers.sim.steps.onboard import LONGEST, control, estimate, smooth
+from kybflow.drivers.sim.steps.onboard import MAX_DEAD_TIME, control, estimate, smooth
 from kybflow.drivers.sim.steps.rotors import push
 
 
@@ -81,7 +81,7 @@ def steps(first: Any, last: Any, count: Any, memory: Any) -> None:
             _put(loops, i, loop)
             place, late = _row(delays, i, _2)
             if late > 0.0:
-                here = i * LONGEST + int(place)
+                here = i * MAX_DEAD_TIME + int(place)
                 arrived = _row(asked, here, _4)
                 _put(asked, here, wanted)
                 _put(delays, i, ((place + 1.0) % late, late))

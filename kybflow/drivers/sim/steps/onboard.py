@@ -47,7 +47,7 @@ from kybflow.core.signals import Command
 from kybflow.world.vehicle_context import DAMPING, INTEGRAL, Airframe
 
 Numbers = tuple[float, ...]
-LONGEST = 50
+MAX_DEAD_TIME = 50
 """The longest dead time of the on-board loop, in physics steps."""
 
 
@@ -63,15 +63,16 @@ class OnboardState:
     any on-board loop filters its gyroscope or has a dead time.
 
     setpoints, filters, loops, gains, gyros: setpoints, estimates, control states, gains and
-    gyroscope filters of `onboard`. asked: controls delayed by the dead time, `LONGEST` rows per
-    vehicle. delays: index of the next of these rows, and their number. controls, rotors, thrusts,
+    gyroscope filters of `onboard`. asked: controls delayed by the dead time, `MAX_DEAD_TIME` rows
+    per vehicle. delays: index of the next of these rows, and their number. controls, rotors,
+    thrusts,
     winds, pushes, constants: the arguments of `rotors.push`.
     """
 
     def __init__(self, count: int, rows: Callable[[int, int], Any]) -> None:
         self.count, self.steps, self.is_slow = count, 0, False
         widths = (10, 8, 7, 14, 7, 2, 4, 4, 4, 3, 6, 5)
-        self.tables = [*(rows(count, width) for width in widths), rows(count * LONGEST, 4)]
+        self.tables = [*(rows(count, width) for width in widths), rows(count * MAX_DEAD_TIME, 4)]
         self.setpoints: Rows
         self.setpoints, self.filters, self.loops, self.gains, self.gyros, *rest = self.tables
         self.delays: Rows
@@ -85,18 +86,18 @@ class OnboardState:
         place, count = self.delays[vehicle]
         if count == 0.0:
             return wanted
-        here = vehicle * LONGEST + int(place)
+        here = vehicle * MAX_DEAD_TIME + int(place)
         arrived, self.asked[here] = self.asked[here], wanted
         self.delays[vehicle] = ((place + 1.0) % count, count)
         return arrived
 
 
-LEVELLING = 0.10
+LEVELLING_RATE = 0.10
 """Gain of the accelerometer's correction of the attitude, 1/s; a quarter of its square is the gain
 on the bias."""
-LIGHTEST, HEAVIEST = 0.5 * GRAVITY, 1.5 * GRAVITY
+MIN_FORCE, MAX_FORCE = 0.5 * GRAVITY, 1.5 * GRAVITY
 """Range of the specific force in which the accelerometer corrects the attitude, m/s^2."""
-AIMING = 1.0
+HEADING_RATE = 1.0
 """Gain of the sender's heading on the estimated heading, 1/s."""
 YAW_FREQUENCY = 3.0
 """Natural frequency of yaw, rad/s, which is low because drag torque is weak."""
@@ -106,13 +107,13 @@ hover can produce more than twice that, which leaves the rest to damping. Firmwa
 instead (`MC_ROLLRATE_MAX`); without a limit saturated rotors oscillate."""
 INTEGRAL_SHARE = 0.1
 """Limit of the torque that an integral commands, as a fraction of weight times arm."""
-CALIBRATION = 0.1
+CALIBRATION_S = 0.1
 """Time at rest needed to measure the accelerometer's bias, seconds."""
 MOST_YAW = 0.1
 """Limit of yaw, as a fraction of a rotor's largest thrust."""
 
-STOPPED: Numbers = (0.0, 0.0, 0.0, 0.0)
-AT_REST: Numbers = (0.0, 0.0, 0.0, *STOPPED)
+NO_MOTORS: Numbers = (0.0, 0.0, 0.0, 0.0)
+AT_REST: Numbers = (0.0, 0.0, 0.0, *NO_MOTORS)
 
 
 class Loop(NamedTuple):
@@ -149,7 +150,7 @@ class AttitudeController:
         onboard.gains[index] = tuple(_gains(loop.airframe, dt))
         onboard.gyros[index] = (*ZERO, *ZERO, _share(loop.cut_off, dt))
         onboard.is_slow = onboard.is_slow or loop.cut_off > 0.0 or loop.dead_time > 0.0
-        onboard.delays[index] = (0.0, float(min(LONGEST, round(loop.dead_time / dt))))
+        onboard.delays[index] = (0.0, float(min(MAX_DEAD_TIME, round(loop.dead_time / dt))))
 
     def gained(self) -> tuple[float, float]:
         """Return the integral of the upward specific force in excess of that at rest, m/s, since
@@ -173,7 +174,7 @@ class AttitudeController:
         turn = 0.0
         if heading is not None:
             self._held = None
-            turn = AIMING * wrap(heading - heading_of(self.attitude()))
+            turn = HEADING_RATE * wrap(heading - heading_of(self.attitude()))
         else:
             # only the tilt counts, at the heading held since the sender's heading became unknown
             if self._held is None:
@@ -181,7 +182,7 @@ class AttitudeController:
             attitude = multiply(from_heading(self._held - heading_of(attitude)), attitude)
         if armed is not self.armed:
             lifted, steps = self._since()
-            rested = armed and steps * self._dt >= CALIBRATION
+            rested = armed and steps * self._dt >= CALIBRATION_S
             self.rest = lifted / steps if rested else GRAVITY
             self._mark(lifted, steps)
             self.armed = armed
@@ -202,7 +203,7 @@ def _share(cut_off: float, dt: float) -> float:
 
 def shares(dt: float) -> Numbers:
     """Return the factors on turn rate, levelling and aiming in a step of `dt` seconds."""
-    return (0.5 * dt, 0.25 * LEVELLING * dt, 0.25 * AIMING * dt)
+    return (0.5 * dt, 0.25 * LEVELLING_RATE * dt, 0.25 * HEADING_RATE * dt)
 
 
 def estimate(
@@ -218,7 +219,7 @@ def estimate(
     ux, uy, uz = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
     size = sqrt(ax * ax + ay * ay + az * az)
     lifted += ax * ux + ay * uy + az * uz
-    k = LEVELLING / size if LIGHTEST < size < HEAVIEST else 0.0
+    k = LEVELLING_RATE / size if MIN_FORCE < size < MAX_FORCE else 0.0
     ex, ey, ez = k * (ay * uz - az * uy), k * (az * ux - ax * uz), k * (ax * uy - ay * ux)
     turn = setpoint[-1]
     tx, ty, tz = turn * ux, turn * uy, turn * uz
@@ -257,7 +258,7 @@ def control(
     armed, dw, dx, dy, dz, rx, ry, rz, lift, _ = setpoint
     p, py, d, dyaw, i, iyaw, bound, most, kx, ky, kz, blend, lag, lead = gains
     if armed == 0.0:
-        return AT_REST, STOPPED
+        return AT_REST, NO_MOTORS
     ec = w * dw + x * dx + y * dy + z * dz
     ea = w * dx - x * dw - y * dz + z * dy
     eb = w * dy + x * dz - y * dw - z * dx

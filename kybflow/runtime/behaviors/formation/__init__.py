@@ -54,13 +54,13 @@ from kybflow.flight.formation.frame import (
     moved,
 )
 from kybflow.flight.formation.places import TakenPlaces, seen_from
-from kybflow.flight.motion import STEEPEST, Motion, motion_of, smoothstep
+from kybflow.flight.motion import MAX_SLOPE, Motion, motion_of, smoothstep
 from kybflow.parts import AIR, AXES, Behavior, Entry, Footprint, Objection, param, params
 from kybflow.parts.behavior import SPEED_SHARE
 from kybflow.runtime.behaviors._hand import was_held
 from kybflow.runtime.behaviors.formation.drives import AlongPath, BehindLeader, ByHand, Drive
 from kybflow.runtime.behaviors.formation.members import (
-    WAITING,
+    NO_PLACE,
     Assigned,
     InFormation,
     Meeting,
@@ -79,14 +79,14 @@ from kybflow.runtime.behaviors.formation.room import (
 )
 from kybflow.world.vehicle_context import VehicleContext, hull_of
 
-_UNHURRIED = 0.25
+_LAG_SHARE = 0.25
 """The fraction of `doubt` by which a member may lag without slowing the others down."""
 _IN_PLACE = 0.01
 """Distance (m) from its place, one tick ahead, at which a point counts as being there."""
-_RETRACTED = 2.0
+_UNSETTLED_FACTOR = 2.0
 """Multiple of `tolerance` by which a settled member may be off before it is unsettled."""
 _ROOM = "room: a place is at the fence, the ground or something in its way"
-_STANDS, _PATIENT = 0.01, NS
+_STANDING_SPEED, _STANDING_NS = 0.01, NS
 """The speed (m/s) up to which a frame that should move counts as standing, and the time after which
 that is reported."""
 
@@ -261,7 +261,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
     def _go_on(self, team: Team, tick: Tick) -> None:
         """Keep the place that the vehicle had in this formation just before, in another state."""
         before = self._members.own_news(tick)
-        if before is None or before.said.place == WAITING:
+        if before is None or before.said.place == NO_PLACE:
             return
         frame, said = before.frame, before.said
         place = places.turned_by(said.turned, self._shape[said.place])
@@ -275,7 +275,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
     def _catch_up(self, team: Team) -> None:
         """Continue along the path where the other members are."""
         formed = [m.said for m in self._members.but_own(team) if not m.trouble]
-        self._drive.join((said.path, said.corner) for said in formed if said.place != WAITING)
+        self._drive.join((said.path, said.corner) for said in formed if said.place != NO_PLACE)
 
     def _set_out(self, found: Assigned, tick: Tick) -> None:
         """Begin to fly to the assigned place."""
@@ -303,7 +303,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         """Return the setpoint of a member that waits for its place, and publish that it waits.
         Fails after `patience`."""
         rest, elapsed = self._rest, (tick.now - self._rest.began) / NS
-        self._say(tick, WAITING, rest.coast.end, MovingFrame(ZERO, heading=self._heading))
+        self._say(tick, NO_PLACE, rest.coast.end, MovingFrame(ZERO, heading=self._heading))
         setpoint = rest.at(tick.now).setpoint(self._heading)
         come = team.members.keys() - team.troubled.keys()
         missing = [name for name in self._members.others if name not in come]
@@ -331,7 +331,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         self._move(taken, team, limits, tick)
         wanted = self._frame.motion(motion)
         self._point = wanted.position
-        span = max(own.way.duration, STEEPEST * abs(own.turn) / p.turn_rate)
+        span = max(own.way.duration, MAX_SLOPE * abs(own.turn) / p.turn_rate)
         done = (tick.now - own.began) / NS / span if span > 0.0 else 1.0
         left = own.turn * (1.0 - smoothstep(done)[1]) if done < 1.0 else 0.0
         self._heading = wrap(self._frame.heading + left)
@@ -341,7 +341,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         setpoint = wanted.setpoint(self._heading, self._frame.rate)
         lost = " and ".join(f"`{name}`" for name in sorted(self._members.lost & team.placed))
         self.waits_for = drive.waits_for or (f"{lost} to recover" if lost else None)
-        if self.waits_for is None and tick.now > self._moved + _PATIENT:
+        if self.waits_for is None and tick.now > self._moved + _STANDING_NS:
             self.waits_for = _ROOM
         if drive.lost > p.patience:
             return Failed(setpoint, drive.trouble)
@@ -358,7 +358,9 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         fastest = 2.0 * max(limits.speed, limits.climb)
         near = self._room.near(frame, taken, obstacles, fastest, p)
         self._frame = moved(frame, asked, limits, tick.dt, team.frame, taken.reach, near)
-        is_kept = bool(near) and norm(asked.velocity) > _STANDS >= norm(self._frame.velocity)
+        is_kept = bool(near) and norm(asked.velocity) > _STANDING_SPEED >= norm(
+            self._frame.velocity
+        )
         if isinstance(self._drive, ByHand) or not is_kept:
             self._moved = tick.now
 
@@ -373,7 +375,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
                 own = self._frame.place(Motion(self._point))
                 theirs = team.frame.motion(own).position
                 lag = max(lag, distance(theirs, self._point))
-        slow = _UNHURRIED * p.doubt
+        slow = _LAG_SHARE * p.doubt
         return max(0.0, min(1.0, (p.doubt - lag) / (p.doubt - slow)))
 
     def _judge(self, own: _Placed, taken: TakenPlaces, team: Team, tick: Tick) -> None:
@@ -383,7 +385,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         others = [(seen[place], wanted) for place, wanted in taken.near if place in seen]
         error = distance_error(tick.known().position, others)
         arrived = (tick.now - own.began) / NS >= own.way.duration
-        bound = p.tolerance * (_RETRACTED if self._settled else 1.0)
+        bound = p.tolerance * (_UNSETTLED_FACTOR if self._settled else 1.0)
         self._settled = arrived and error <= bound
         self._is_complete = self._settled and self._members.is_settled(team)
         if self._is_complete and not self._has_emitted:

@@ -14,7 +14,7 @@ from kybflow.parts import Entry
 from kybflow.runtime.behaviors._hand import Hand
 from kybflow.runtime.behaviors._leader import Leader, Leading
 
-_CORNER = 0.03
+_CORNER_DISTANCE = 0.03
 """Distance (m) from a corner of its path at which a frame continues to the next."""
 
 
@@ -90,11 +90,11 @@ class AlongPath(Drive):
         gap = sub(self._corners[self.corner], frame.centre)
         length = norm(gap)
         off = 0.0 if self._heading is None else wrap(self._heading - frame.heading)
-        if length < _CORNER:
+        if length < _CORNER_DISTANCE:
             if self.corner + 1 < len(self._corners):
                 self.corner += 1
             else:
-                self.ended = abs(off) < _CORNER
+                self.ended = abs(off) < _CORNER_DISTANCE
         speed = min(limits.speed, approach_speed(length, limits.acceleration))
         velocity = scale(gap, speed / length) if length > 0.0 else gap
         turn = copysign(approach_speed(abs(off), limits.turn_rate), off)

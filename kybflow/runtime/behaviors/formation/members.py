@@ -30,7 +30,7 @@ from kybflow.flight.formation.frame import MovingFrame, clear_way, longest, mean
 from kybflow.flight.motion import Coast, Motion
 from kybflow.runtime.behaviors.formation.room import FormationRoom, FormationRoomParams
 
-WAITING = -1
+NO_PLACE = -1
 """The place number of a member that has no place yet."""
 _NEAR_AGAIN = 0.9
 """The fraction of `doubt` within which a member is no longer lost. It is less than 1, because a
@@ -233,7 +233,7 @@ class Members:
 
 
 def _team(members: dict[str, Member], team: tuple[str, ...]) -> Team:
-    placed = [m for m in members.values() if m.said.place != WAITING]
+    placed = [m for m in members.values() if m.said.place != NO_PLACE]
     formed = [m for m in placed if not m.trouble]
     holders: dict[int, str] = {}
     positions: dict[int, Vec3] = {}
@@ -256,7 +256,7 @@ def _team(members: dict[str, Member], team: tuple[str, ...]) -> Team:
     )
 
 
-_NOTICE: Time = NS // 10
+_NOTICE_NS: Time = NS // 10
 """How long a member waits, in addition to the delay, until all others have received its message."""
 
 
@@ -335,13 +335,13 @@ class Meeting:
         heard: the time of the newest messages that can have arrived.
         """
         sound = [m for m in others if not m.trouble]
-        formed = [m for m in sound if m.said.place != WAITING]
-        waiting = [m for m in sound if m.said.place == WAITING]
+        formed = [m for m in sound if m.said.place != NO_PLACE]
+        waiting = [m for m in sound if m.said.place == NO_PLACE]
         all_there = len(waiting) == len(self._team) - 1
         if not (formed or all_there) or (self._is_led and leader is None):
             return None
         since = max((rest.since, *(m.said.since for m in waiting)))
-        if heard < since + _NOTICE:
+        if heard < since + _NOTICE_NS:
             return None
         here = {m.name: m.said.point for m in waiting} | {self._own: rest.coast.end}
         here = {name: here[name] for name in self._team if name in here}
