@@ -1,8 +1,9 @@
 """The control law of a descent without a position: thrust from the specific force along body z.
 
-The caller keeps the attitude level: the behavior `land_blind`, or the watchdog of a simulated
-vehicle. It constructs a `Descent` at the start, calls `step` with every IMU sample, sends the
-thrust that `step` returns, and stops the rotors when it returns None.
+The caller controls the attitude: the watchdog of a simulated vehicle keeps it level, the behavior
+`land_blind` first brakes the velocity that it knows (`BlindBrake`). It constructs a `Descent` at
+the start, calls `step` with every IMU sample, sends the thrust that `step` returns, and stops the
+rotors when it returns None.
 
 The upward speed v is not measured but estimated from the thrust and the IMU samples, each as far as
 it can be trusted. With s the commanded thrust over the estimated hover thrust T0, after the rotors'
@@ -42,17 +43,24 @@ their thrust touches down with 0.95 or 1.35 m/s from 1 m, and with 1.6 or 2.1 m/
 errors b make it climb by 12 and 51 m. Both faults at once, b = -1 m/s^2 and a T0 that is wrong by
 10 %, make it climb by 10 to 50 m in either case.
 
-The vehicle has touched down when the floor carries it. Either f exceeds l s by 8 m/s^2 and six
-times the noise (an impact, ignored in the first 0.2 s, when the rotors may still follow the
-previous command); or l s, which is f without its noise, exceeds 0.9 g for 0.1 s while the thrust is
-below a third of the hover thrust, to which the law reduces it on the floor.
+The vehicle has touched down when the floor carries it. The law of the descent reduces the thrust on
+the floor, slowly: f, which is l s without its noise, then exceeds 0.9 g for 0.1 s while the thrust
+is below a third of the hover thrust. An impact, where f exceeds l s by 8 m/s^2 and six times the
+noise, may be the floor or anything else, such as a wall or another vehicle, at any height. It adds
+to v what the IMU measured, which is no noise, and begins a probe: for 0.2 s the thrust is reduced
+to a quarter of the hover thrust. On the floor f, averaged over 30 ms, stays above 0.8 g while the
+thrust falls below 0.4 of the hover thrust; after 0.05 s of that the rotors stop. In the air f
+follows the thrust; the vehicle loses at most 1.2 m/s, and the descent goes on. There is no probe in
+the first 0.2 s, in which the rotors may still follow the previous command, nor within 0.1 s after
+another one.
 """
 
 from __future__ import annotations
 
-from math import sqrt
+from math import hypot, sqrt, tan
 
-from kybflow.core.geometry import GRAVITY
+from kybflow.core.geometry import GRAVITY, Vec3
+from kybflow.world.vehicle_context import Airframe
 
 SPEED, GROWTH, BEND, CAUTION = 0.3, 0.06, 0.025, 2.0
 STIFFNESS, MAX_PULL = 3.0, 2.0
@@ -60,8 +68,8 @@ SPEED_SPREAD, LIFT_SPREAD, LIFT_WANDER = 0.08, 0.1 * GRAVITY, 0.5
 """Initial standard deviations of the speed, m/s, and of the lift `l`, m/s^2; how much `l` may
 change, m/s^2 per root of a second."""
 DOWNWARD_LIMIT, UPWARD_LIMIT = 3.0, 2.0
-"""Limits of the effect of one sample: downward, in standard deviations; upward, since the sample
-may be the floor stopping the vehicle, in m/s of speed."""
+"""Limits of the effect of one sample: downward, in standard deviations; of an impact, in m/s of
+speed."""
 ROTOR_LAG_S = 0.05
 """Assumed time constant of the rotors, seconds."""
 FIRST_NOISE, LEAST_NOISE, NOISE_TIME = 1.0, 0.05, 0.1
@@ -80,6 +88,14 @@ MAX_ERROR = 0.12
 """Largest relative correction of the initial hover thrust in `Descent.hover`."""
 IMPACT_FORCE, SIGMAS, DEAF_S = 8.0, 6.0, 0.2
 RESTING_THRUST, RESTING_FORCE, RESTING_TIME_S = 0.33, 0.9 * GRAVITY, 0.1
+PROBE, PAUSE = 0.2, 0.1
+"""Duration of a probe, and the least time between two of them, seconds."""
+PROBED, CARRIED, SMOOTH, HELD = 0.4, 0.8 * GRAVITY, 0.03, 0.05
+"""In a probe: the thrust over the hover thrust below which the mean specific force shows the floor,
+its least value there, m/s^2, the time over which it is averaged, and for which it must last,
+seconds."""
+STOPPED = 0.03
+"""Speed at which a brake ends, m/s."""
 
 
 class Descent:
@@ -88,8 +104,9 @@ class Descent:
     body z at rest, m/s^2. unsure: the share of the weight that `hover` may fail to carry."""
 
     __slots__ = (
-        "_both", "_error", "_given", "_hover", "_last", "_lift", "_most", "_noise", "_pushed",
-        "_rested", "_share", "_slow", "_speed", "_sure", "_time", "_unsure", "_weakness",
+        "_both", "_error", "_given", "_held", "_hover", "_last", "_lift", "_mean", "_most",
+        "_noise", "_probe", "_pushed", "_rested", "_share", "_slow", "_speed", "_sure", "_time",
+        "_unsure", "_weakness",
     )  # fmt: skip
 
     def __init__(
@@ -104,6 +121,7 @@ class Descent:
         self._time = self._rested = 0.0
         self._share = self._given = self._weakness = 1.0
         self._pushed, self._sure = max(climb, 0.0), 1.0 - unsure
+        self._mean, self._held, self._probe = GRAVITY, 0.0, -PROBE - PAUSE
 
     @property
     def hover(self) -> float:
@@ -118,14 +136,37 @@ class Descent:
         self._given += (self._share - self._given) * dt / (ROTOR_LAG_S + dt)
         self._listen(lift, dt)
         excess = lift - self._lift * self._given
-        struck = self._time > DEAF_S and excess > max(IMPACT_FORCE, SIGMAS * sqrt(self._noise))
+        struck = excess > max(IMPACT_FORCE, SIGMAS * sqrt(self._noise))
+        probes = self._probes(struck, lift, dt)
         self._predict(dt)
-        self._correct(min(excess, UPWARD_LIMIT / dt))
+        if struck:
+            self._speed += min(excess * dt, UPWARD_LIMIT)
+        else:
+            self._correct(excess)
         carried = self._given < RESTING_THRUST and self._lift * self._given > RESTING_FORCE
         self._rested = self._rested + dt if carried else 0.0
-        if struck or self._rested >= RESTING_TIME_S or _bound(LASTING_BOUND, self._time) <= 0.0:
+        if (
+            self._held >= HELD
+            or self._rested >= RESTING_TIME_S
+            or _bound(LASTING_BOUND, self._time) <= 0.0
+        ):
             return None
-        return min(self._hover * self._ask(), self._most)
+        share = self._ask()
+        if probes:
+            share = self._share = MIN_THRUST
+        return min(self._hover * share, self._most)
+
+    def _probes(self, struck: bool, lift: float, dt: float) -> bool:
+        """Return whether the thrust is reduced to find out whether the floor carries the
+        vehicle."""
+        self._mean += (min(lift, 1.5 * GRAVITY) - self._mean) * dt / (SMOOTH + dt)
+        since = self._time - self._probe
+        if struck and self._time > DEAF_S and since > PROBE + PAUSE:
+            self._probe, since = self._time, 0.0
+        probes = since < PROBE or self._held > 0.0
+        found = probes and self._given < PROBED and self._mean > CARRIED
+        self._held = self._held + dt if found else 0.0
+        return probes
 
     def _listen(self, lift: float, dt: float) -> None:
         """Update the noise of the IMU samples."""
@@ -168,6 +209,58 @@ class Descent:
         most = min(most, max(_bound(BRIEF_BOUND, time), _bound(LASTING_BOUND, time)))
         self._share = share = max(min((GRAVITY + pull) / self._lift, most), MIN_THRUST)
         return share
+
+
+class BlindBrake:
+    """Brings the horizontal velocity of a vehicle without a position to rest, by a model of it.
+
+    u, the velocity, follows from the commanded acceleration c, after the lag of the attitude loop,
+    and the rotor drag d:
+
+        a' = (c - a) / lag,   u' = a - d u,   c = -k u,  k = 3 1/s
+
+    c is limited to what the airframe's largest tilt gives. The vehicle is commanded level once u is
+    below 3 cm/s.
+
+    velocity, acceleration: those of the vehicle at the start along x and y, world, m/s and m/s^2; a
+    velocity above the airframe's largest speed is not believed, and shortened to it.
+    """
+
+    __slots__ = ("_airframe", "_is_over", "_lag", "_lean", "_velocity")
+
+    def __init__(
+        self,
+        velocity: tuple[float, float],
+        acceleration: tuple[float, float],
+        airframe: Airframe,
+    ) -> None:
+        x, y = velocity
+        most = min(1.0, airframe.speed / max(hypot(x, y), STOPPED))
+        self._velocity = x, y = (most * x, most * y)
+        self._lean = (acceleration[0] + airframe.drag * x, acceleration[1] + airframe.drag * y)
+        loop = airframe.attitude_loop
+        self._airframe, self._lag = airframe, loop.derivative / loop.proportional
+        self._is_over = False
+
+    @property
+    def lean(self) -> float:
+        """The cosine of the tilt that the vehicle has by the model."""
+        return GRAVITY / hypot(*self._lean, GRAVITY)
+
+    def step(self, dt: float) -> Vec3 | None:
+        """Return the direction of the thrust to command, world frame, or None once the vehicle is
+        at rest. dt: seconds since the last call."""
+        x, y = self._velocity
+        speed = hypot(x, y)
+        self._is_over = self._is_over or speed < STOPPED
+        pull = 0.0
+        if not self._is_over:
+            pull = -min(STIFFNESS, GRAVITY * tan(self._airframe.tilt) / speed)
+        cx, cy, share, drag = pull * x, pull * y, dt / (self._lag + dt), self._airframe.drag * dt
+        ax, ay = self._lean
+        self._lean = ax, ay = (ax + share * (cx - ax), ay + share * (cy - ay))
+        self._velocity = (x + ax * dt - drag * x, y + ay * dt - drag * y)
+        return None if self._is_over else (cx, cy, GRAVITY)
 
 
 def _bound(bound: tuple[float, float, float], time: float) -> float:

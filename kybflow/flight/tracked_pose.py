@@ -11,20 +11,26 @@ bandwidth is divided by 1 + (spread / 8 mm)^4, limited to 4 horizontally and to 
 nothing compensates the lag.
 
 Attitude and body rates pass the same filter, applied to the rotation, which has no sign to flip.
-The estimate is predicted over the latency to `now`.
+The estimate is predicted over the latency to `now`. A turn and an acceleration last for a moment
+only, so they are believed for `AHEAD` at most. After that the attitude and the velocity stay as
+they are, the body rates are zero, and the spread grows by a t^2 / 2, which the unknown acceleration
+a = 5 m/s^2 of `kybflow.flight.pose_gate` explains in the time t since then.
 """
 
 from __future__ import annotations
 
-from math import exp, sqrt, tau
+from math import exp, hypot, sqrt, tau
 
 from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, Quat, Vec3, integrate
 from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Estimate, Pose, Time, made
 from kybflow.core.units import Duration, Frequency
+from kybflow.flight.pose_gate import ACCELERATION
 
 MIN_UPRIGHT = 0.5
 """Least vertical component of body z at which its slope is used as an acceleration."""
+AHEAD = 0.1
+"""Age of a pose, seconds, from which on it no longer tells how the body turns and accelerates."""
 NOISE_SCALE, MAX_SMOOTHING, MAX_SMOOTHING_UP, WARM_UP_POSES = 0.008, 4.0, 2.0, 60
 
 
@@ -106,11 +112,16 @@ class TrackedPose:
         px, py, pz = self.position
         vx, vy, vz = self.velocity
         ax, ay = self._pull
-        h = 0.5 * age
+        rates, spread = self.rates, self.spread
+        if age <= AHEAD:
+            ahead, h, attitude = age, 0.5 * age, integrate(self.attitude, rates, age)
+        else:
+            ahead, h = AHEAD, AHEAD * (1.0 - 0.5 * AHEAD / age)
+            attitude, rates = integrate(self.attitude, rates, AHEAD), ZERO
+            spread = hypot(spread, 0.5 * ACCELERATION * (age - AHEAD) ** 2)
         position = (px + age * (vx + h * ax), py + age * (vy + h * ay), pz + age * vz)
-        velocity = (vx + age * ax, vy + age * ay, vz)
-        attitude, rates = integrate(self.attitude, self.rates, age), self.rates
-        return made(Estimate, (now, position, velocity, attitude, rates, source, age, self.spread))
+        velocity = (vx + ahead * ax, vy + ahead * ay, vz)
+        return made(Estimate, (now, position, velocity, attitude, rates, source, age, spread))
 
     def bent(self, motion: Estimate) -> Estimate:
         """Return a predicted motion corrected for the change of acceleration during the prediction,
@@ -123,7 +134,8 @@ class TrackedPose:
         vx, vy, vz = velocity
         tx, ty = self._slope(attitude, motion.velocity)
         ax, ay = self._pull
-        jx, jy, moved, gained = tx - ax, ty - ay, age * age / 6.0, 0.5 * age
+        ahead = min(age, AHEAD)
+        jx, jy, moved, gained = tx - ax, ty - ay, ahead * ahead / 6.0, 0.5 * ahead
         position = (px + jx * moved, py + jy * moved, pz)
         velocity = (vx + jx * gained, vy + jy * gained, vz)
         return Estimate(now, position, velocity, attitude, rates, source, age, spread)

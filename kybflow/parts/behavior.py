@@ -65,7 +65,7 @@ class Entry(NamedTuple):
     air, so use `flight` to tell where the vehicle is. hover_thrust: the tracker's estimate of the
     hover thrust, newtons. resting_force: the specific force along body z that the IMU measured at
     rest on the ground, m/s^2; gravity if unknown. inputs: the current readings of the mission's
-    inputs.
+    inputs. lost: where there is no estimate, the last one before it was lost.
     """
 
     now: Time
@@ -76,36 +76,44 @@ class Entry(NamedTuple):
     flight: Flight = Flight.AIR
     resting_force: float = GRAVITY
     inputs: InputReadings = NO_INPUTS
+    lost: Estimate | None = None
+
+    @property
+    def known(self) -> Estimate | None:
+        """The estimate, or the last one before it was lost."""
+        return self.estimate or self.lost
 
     @property
     def position(self) -> Vec3:
         """The position at which the behavior begins, metres, world frame: the last setpoint if the
-        vehicle is within 0.3 m of it, so that the trajectory has no step; else the estimate.
-        Without an estimate it is the last setpoint, else the vehicle's start."""
-        wanted = self.setpoint.position if self.setpoint else None
-        if self.estimate is None:
+        vehicle is within 0.3 m of it, so that the trajectory has no step; else the estimate, or the
+        last one. If there was none it is the last setpoint, else the vehicle's start."""
+        wanted, known = self.setpoint.position if self.setpoint else None, self.known
+        if known is None:
             return wanted or self.context.start
-        if wanted is not None and distance(wanted, self.estimate.position) < 0.3:
+        if wanted is not None and distance(wanted, known.position) < 0.3:
             return wanted
-        return self.estimate.position
+        return known.position
 
     @property
     def heading(self) -> float:
-        """The heading to hold, radians: that of the setpoint, else of the estimate, else of the
-        start."""
+        """The heading to hold, radians: that of the setpoint, else of the estimate or of the
+        last one, else of the start."""
         if self.setpoint is not None and self.setpoint.heading is not None:
             return self.setpoint.heading
-        return heading_of(self.estimate.attitude) if self.estimate else self.context.heading
+        known = self.known
+        return heading_of(known.attitude) if known else self.context.heading
 
     @property
     def motion(self) -> Motion:
         """Position and velocity at `now`. If `position` is the last setpoint's, both are the
-        setpoint's, advanced by one tick; else they are `position` and the estimate's velocity."""
-        wanted = self.setpoint
+        setpoint's, advanced by one tick; else they are `position` and the velocity of the estimate,
+        or of the last one."""
+        wanted, known = self.setpoint, self.known
         if wanted is not None and wanted.velocity is not None and wanted.position == self.position:
             moved = scale(wanted.velocity, self.context.dt)
             return Motion(add(self.position, moved), wanted.velocity)
-        return Motion(self.position, self.estimate.velocity if self.estimate else ZERO)
+        return Motion(self.position, known.velocity if known else ZERO)
 
     def cruise_speed(self, wanted: float) -> float:
         """Return `wanted` (m/s), limited to `SPEED_SHARE` of the airframe's speed limit."""

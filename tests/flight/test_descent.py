@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import random
-from math import ceil
+from math import ceil, cos, hypot, sin, tan
 from typing import NamedTuple
 
 import pytest
+from part_bench import AIRFRAME
 
 from kybflow.core.geometry import GRAVITY
-from kybflow.flight.descent import Descent
+from kybflow.flight.descent import BlindBrake, Descent
 
 MASS, MOST, ROTOR_TIME = 0.230, 5.2, 0.03
 LONGEST = 0.004
@@ -19,6 +20,8 @@ QUIET, PX4_SIH = 0.07, 1.4
 (PX4-Autopilot, `simulator_sih/sih.cpp`)."""
 HEIGHTS = (0.5, 1.0, 1.5, 2.5)
 ERRORS = (-0.1, 0.0, 0.1)
+BUMP, BUMP_TIME = 30.0, 0.024
+"""Specific force of a wall's edge under a rotor, m/s^2, and how long it lasts, s."""
 
 
 class Fall(NamedTuple):
@@ -43,9 +46,10 @@ def fall(
     seed: int = 0,
     sigma: float = QUIET,
     unsure: float = 0.1,
+    bumps: tuple[float, ...] = (),
 ) -> Fall:
     """A body whose thrust is wrong by `error` over a stiff floor; `unknown` is a vertical speed at
-    the beginning that nobody knows of."""
+    the beginning that nobody knows of. At each of `bumps`, s, something else strikes it upwards."""
     noise = random.Random(seed)
     descent = Descent(MASS * GRAVITY, MOST, climb, unsure=unsure)
     z, v, top, touch = height, climb + unknown, height, None
@@ -54,12 +58,14 @@ def fall(
     parts = ceil(dt / LONGEST)
     h = dt / parts
     for step in range(round(40.0 / dt)):
+        struck = BUMP if any(at <= step * dt < at + BUMP_TIME for at in bumps) else 0.0
         for part in range(parts):
             thrust += (command - thrust) * h / ROTOR_TIME
             lift = (1.0 + error) * thrust / MASS
             if z <= 0.0:
                 touch = touch or (-v, step * dt + part * h)
                 lift += max(-2e4 * z - 200.0 * v, 0.0)
+            lift += struck
             v += (lift - GRAVITY) * h
             z += v * h
             top, low = max(top, z), min(low, z)
@@ -78,7 +84,7 @@ def test_it_comes_down_gently_whatever_is_wrong_with_the_thrust(height, error):
     speed, touched, stopped, climbed, _ = fall(height, error)
     assert speed < 1.05
     assert touched < 4.2
-    assert stopped - touched < 0.05
+    assert stopped - touched < 0.25
     assert climbed < 0.005
 
 
@@ -159,6 +165,57 @@ def test_at_the_rate_of_the_physics_it_is_the_same():
     slow, fast = fall(1.5), fall(1.5, dt=0.002)
     assert fast.speed == pytest.approx(slow.speed, abs=0.03)
     assert fast.touched == pytest.approx(slow.touched, abs=0.05)
+
+
+@pytest.mark.parametrize("error", ERRORS)
+@pytest.mark.parametrize("at", [0.25, 0.8, 1.5])
+@pytest.mark.parametrize("again", [0.05, 0.4])
+def test_a_bump_in_the_air_is_not_the_floor(at, again, error):
+    """`fall` fails if the rotors stop in the air."""
+    landing = fall(1.8, error, bumps=(at, at + again))
+    assert landing.speed < 1.8
+    assert landing.climbed < 0.3
+    assert landing.stopped - landing.touched < 0.3
+    assert landing.stopped < 5.0
+
+
+@pytest.mark.parametrize("height", HEIGHTS)
+def test_a_bump_close_above_the_floor_does_not_hide_the_floor(height):
+    reached = fall(height).touched
+    for before in (0.02, 0.1, 0.2, 0.3):
+        landing = fall(height, bumps=(reached - before,))
+        assert landing.stopped < reached + 1.5
+
+
+@pytest.mark.parametrize("direction", [0.0, 2.0, -1.3])
+@pytest.mark.parametrize("speed", [0.3, 0.9])
+def test_a_brake_stops_where_its_tilt_allows_and_levels_then(direction, speed):
+    """A body with the airframe's drag and twice the lag of its attitude loop."""
+    x, y = speed * cos(direction), speed * sin(direction)
+    brake = BlindBrake((x, y), (0.0, 0.0), AIRFRAME)
+    loop, dt, gone = AIRFRAME.attitude_loop, 0.004, 0.0
+    lag = 2.0 * loop.derivative / loop.proportional
+    vx, vy, ax, ay = x, y, AIRFRAME.drag * x, AIRFRAME.drag * y
+    for _ in range(round(1.5 / dt)):
+        asked = brake.step(dt)
+        cx, cy, up = asked or (0.0, 0.0, GRAVITY)
+        assert hypot(cx, cy) <= up * tan(AIRFRAME.tilt) * 1.001
+        assert cx * x + cy * y <= 0.0
+        ax, ay = ax + (cx - ax) * dt / lag, ay + (cy - ay) * dt / lag
+        vx, vy = vx + (ax - AIRFRAME.drag * vx) * dt, vy + (ay - AIRFRAME.drag * vy) * dt
+        gone += max(vx * x + vy * y, 0.0) / speed * dt
+    assert asked is None
+    assert brake.lean == pytest.approx(1.0, abs=1e-3)
+    assert hypot(vx, vy) < 0.1
+    assert gone < 0.25 * speed + speed**2 / (2.0 * 2.0) + 0.1
+
+
+def test_a_velocity_that_the_airframe_does_not_have_is_not_believed():
+    brake = BlindBrake((30.0, 0.0), (0.0, 0.0), AIRFRAME)
+    steps = 0
+    while brake.step(0.004) is not None:
+        steps += 1
+    assert steps * 0.004 < 2.5
 
 
 def test_its_thrust_never_exceeds_what_the_rotors_have():

@@ -9,6 +9,7 @@ from typing import ClassVar, NamedTuple
 import pytest
 from plans import part
 from short_flights import fault, hovers, named, path
+from toolchain import compiled, flight_of
 
 from kybflow.core.signals import NS, Imu, Truth
 from kybflow.drivers.sim import Sim
@@ -216,3 +217,41 @@ def test_what_the_imu_felt_at_rest_is_no_error_any_more(run, error: float, facto
 
 def test_where_nothing_was_felt_at_rest_that_error_holds_it_up(run) -> None:
     assert biased(run, -1.0, 0.9, MOCAP.cls).climbed > 0.3
+
+
+AT_A_WALL = """
+kybflow: 1
+mission: at_a_wall
+import: {std: kybflow/airframes}
+world:
+  fence: {from: [-2, -2, 0], to: [3, 2, 2.5]}
+  obstacles: {wall: {plane: {at: [1.9, 0, 0], facing: [-1, 0, 0]}}}
+vehicles:
+  v:
+    like: std.nano_plus
+    start: {at: [0, 0, 0]}
+    behaviors:
+      up:   {do: take_off, height: 1.5 m, then: go}
+      go:   {do: fly_to, position: [1.4, 0, 1.5], speed: 1 m/s, then: down, failed: down}
+      down: {do: land}
+faults:
+  - {when: behavior == go and state.x > 50 cm, on: v, inject: mocap_dropout}
+  - {when: behavior == land_blind and elapsed > 700 ms, on: v, inject: gust, velocity: [3, 0, 0]}
+"""
+
+
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in (1, 2, 3))]
+)
+def test_it_brakes_first_and_the_touch_of_a_wall_is_not_the_floor(tmp_path, seed: int) -> None:
+    watch = Watch()
+    plan = compiled(tmp_path / "mission.yaml", AT_A_WALL, warns=True)
+    _, told = flight_of(plan, tmp_path / "run", watch, seed=seed)
+    begun, first = watch.seen[0]
+    braked = next(truth for time, truth in watch.seen if time > begun + 0.69)
+    assert first.velocity[0] > 0.6
+    assert braked.velocity[0] < 0.5 * first.velocity[0]
+    [into, *_] = named(told, "collided")
+    [landed_at] = named(told, "landed")
+    assert landed_at.time > into.time + 0.3 * NS
+    assert abs(watch.seen[-1][1].position[2]) < 0.02

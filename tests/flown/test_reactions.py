@@ -8,6 +8,7 @@ from plans import part, state, then, vehicle
 from short_flights import down, hold, hovers, named, path, up
 
 from kybflow.core.signals import NS, Reaction
+from kybflow.dsl.plan import TransitionPlan
 from kybflow.runtime.vehicle.requests import Requester
 
 CUT, LAND_BLIND, LAND, GO_HOME, BRAKE, WARN = sorted(Reaction, reverse=True)
@@ -115,6 +116,19 @@ def test_a_brake_that_comes_again_holds_for_good_and_lands(run):
     assert home.time / NS == pytest.approx(9.0 + 5.0, abs=0.05)
     assert "held for 5 s" in flown.summary["reason"]
     assert flown.exit_code == 1
+
+
+def test_a_brake_that_holds_for_good_does_not_stop_within(run):
+    """Its behavior never goes on, so that only a landing is left of what it may take."""
+    late = TransitionPlan(target="away", cause="within", after=4.0)
+    timed = state("timed", part("behaviors", "hover", for_time=20.0), then("down"), late)
+    alarms = alarming((4.0, 4.5, BRAKE), (7.0, 7.5, BRAKE))
+    always = vehicle("a", [down()]).supervisors
+    flown, told = run(vehicle("a", [up("timed"), timed, down()], supervisors=(*always, alarms)))
+    assert path(told, "a") == ["up", "timed", "auto_land", "landed"]
+    [home] = [e for e in named(told, "behavior_started") if e.fields["behavior"] == "auto_land"]
+    assert 7.0 < home.time / NS < 7.0 + 4.0
+    assert "`timed` failed: held for" in flown.summary["reason"]
 
 
 def test_a_brake_that_lasts_lands_though_its_alarm_goes_on(run):

@@ -17,7 +17,10 @@ With an accelerometer error of 0.25 m/s^2, the touch-down speed from 2.5 m is 1.
 at rest on the ground is known and taken as gravity (`kybflow.runtime.vehicle.knowledge`); only a
 later change then has this effect.
 
-It begins at the vertical speed of the last setpoint, or of the estimate.
+It begins at the velocity of the last setpoint if that was within 0.3 m of the last estimate, else
+at that of the last estimate. The horizontal velocity is braked first, as hard as the airframe's
+largest tilt allows, by a model of the vehicle (`kybflow.flight.descent.BlindBrake`) in the heading
+of the last estimate. A bump against a wall or another vehicle is not taken for the floor.
 
 If nothing has arrived from the vehicle for 0.25 s, no command is sent either: the vehicle lands by
 its own watchdog, which the preflight has checked and which reads the IMU.
@@ -49,10 +52,10 @@ open-loop ramp is gentle for every error, this one is bounded for all of them.
 
 from __future__ import annotations
 
-from kybflow.core.geometry import GRAVITY, LEVEL, ZERO
+from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, from_thrust_direction, heading_of
 from kybflow.core.signals import NS, Command, CommandKind, Done, Imu, Tick, Time
 from kybflow.core.units import Damping, Duration, Ratio
-from kybflow.flight.descent import Descent
+from kybflow.flight.descent import BlindBrake, Descent
 from kybflow.flight.motion import IDLE
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, param, params
 from kybflow.world.ground import height_in_the_air
@@ -100,7 +103,11 @@ class LandBlind(
         self._grounded, self._context = entry.flight is GROUND, entry.context
         self._hover = entry.hover_thrust
         self._most = entry.context.airframe.max_thrust
-        climb = entry.motion.velocity[2]
+        vx, vy, climb = entry.motion.velocity
+        ax, ay, _ = (entry.setpoint and entry.setpoint.acceleration) or ZERO
+        self._brake = BlindBrake((vx, vy), (ax, ay), entry.context.airframe)
+        known = entry.known
+        self._heading = entry.heading if known is None else heading_of(known.attitude)
         self._kick = min(max(-2.0 * climb / (GRAVITY * _ARREST_TIME_S), -_MAX_KICK), _MAX_KICK)
         self._descent: Descent | None = Descent(self._hover, self._most, climb, entry.resting_force)
         self._heard: Time = entry.now
@@ -108,7 +115,10 @@ class LandBlind(
         self._felt: float | None = None
 
     def update(self, tick: Tick) -> Command | Done:
-        if self._grounded or (self._descent is not None and self._landed(self._descent, tick)):
+        if self._grounded:
+            return Done(IDLE)
+        leant, pull = self._brake.lean, self._brake.step(tick.dt)
+        if self._descent is not None and self._landed(self._descent, tick, leant):
             return Done(IDLE)
         if self._descent is None and tick.elapsed >= self.params.time_bound:
             known = tick.estimate
@@ -122,18 +132,19 @@ class LandBlind(
             share = 1.0 - (1.0 - p.share) * min(time / p.settle, 1.0)
             share = share - p.fade * max(time - p.settle, 0.0)
             thrust = self._hover * (share + self._kick * max(1.0 - time / _ARREST_TIME_S, 0.0))
-        return Command(LEVEL, min(max(thrust, 0.0), self._most), ZERO, None)
+        attitude = LEVEL if pull is None else from_thrust_direction(pull, self._heading)
+        return Command(attitude, min(max(thrust / leant, 0.0), self._most), ZERO, None)
 
-    def _landed(self, descent: Descent, tick: Tick) -> bool:
+    def _landed(self, descent: Descent, tick: Tick, leant: float) -> bool:
         """Process the newest IMU sample; return whether the vehicle has touched down. If no sample
-        has arrived for too long, change to the open-loop descent."""
+        has arrived for too long, change to the open-loop descent. leant: the cosine of the tilt."""
         imu, last = tick.imu, self._last
         if imu is not None and imu.time > self._heard:
             total = sum(imu.specific_force)  # noise makes each sample differ from the last one
             stuck = last is not None and last.specific_force == imu.specific_force
             if total - total == 0.0 and 0.0 < imu.dt < _MAX_SAMPLE_S and not stuck:
                 self._heard, self._last = imu.time, imu
-                self._felt = descent.step(imu.specific_force[2], imu.dt)
+                self._felt = descent.step(leant * imu.specific_force[2], imu.dt)
                 return self._felt is None
         if tick.now - self._heard > _IMU_TIMEOUT_NS:
             self._descent, self._felt, self._hover = None, None, descent.hover

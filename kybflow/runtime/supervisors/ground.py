@@ -2,10 +2,12 @@
 
 Alarm `ground_touched` when all of this has been true for half a second: the vehicle has flown (more
 than 15 cm above where it last stood); it is within 5 cm of that height, or below it; it climbs or
-sinks by less than 5 cm/s; and it doesn't follow its setpoint, which is more than `gap` above or
-below it and does not sink, or which has no position and climbs by more than 10 cm/s. (The setpoint
-of a landing sinks.) Only the ground where the vehicle stood is known: a vehicle that came down on a
-table, for example, is not detected. World frame, metres.
+sinks by less than 5 cm/s; and its setpoint is not that of a vehicle which flies there. Such a
+setpoint doesn't sink, as that of a landing does, and either is more than `gap` above or below the
+vehicle, or lies on the ground as well (less than 5 cm above the floor, the start or an obstacle
+below the vehicle), where a brake may have come to rest; or it has no position and climbs by more
+than 10 cm/s. A vehicle that came down on a table, for example, is not detected. World frame,
+metres.
 
 The default reaction is `land`, which soon stops the rotors: the cause may bring the vehicle down
 again. The mission has then failed, however softly the vehicle came down.
@@ -15,9 +17,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Setpoint, Tick, Time
+from kybflow.core.signals import NS, Alarm, Estimate, Reaction, ReactionName, Setpoint, Tick, Time
 from kybflow.core.units import Length
 from kybflow.parts import Objection, Supervisor, param, params
+from kybflow.world.ground import STANDS, height_above_ground
 from kybflow.world.vehicle_context import VehicleContext
 
 _FLOWN_HEIGHT, _NEAR_HEIGHT = 0.15, 0.05
@@ -48,6 +51,7 @@ class Ground(Supervisor[GroundParams]):
 
     def __init__(self, params: GroundParams, context: VehicleContext) -> None:
         super().__init__(params, context)
+        self._context = context
         self._near, self._has_flown = context.start[2] + _NEAR_HEIGHT, False
         self._since: Time | None = None
 
@@ -63,7 +67,7 @@ class Ground(Supervisor[GroundParams]):
             self._has_flown = self._has_flown or height > self._near - _NEAR_HEIGHT + _FLOWN_HEIGHT
             self._since = None
             return None
-        if not self._leaves(tick.setpoint, height) or abs(estimate.velocity[2]) > _STILL_SPEED:
+        if not self._leaves(tick.setpoint, estimate) or abs(estimate.velocity[2]) > _STILL_SPEED:
             self._since = None
             return None
         self._since = tick.now if self._since is None else self._since
@@ -73,12 +77,16 @@ class Ground(Supervisor[GroundParams]):
         reason = "it lies on the ground, but should fly"
         return Alarm("ground_touched", reaction, reason, is_failure=True)
 
-    def _leaves(self, setpoint: Setpoint | None, height: float) -> bool:
+    def _leaves(self, setpoint: Setpoint | None, estimate: Estimate) -> bool:
         """Return whether a vehicle that has flown should be elsewhere: its setpoint is too far
-        above or below, or climbs, and is not that of a landing."""
+        above or below, climbs, or lies on the ground itself, and is not that of a landing."""
         if setpoint is None or not self._has_flown:
             return False
         climb = 0.0 if setpoint.velocity is None else setpoint.velocity[2]
         if setpoint.position is None:
             return climb > _CLIMB_SPEED
-        return climb > _SINK_SPEED and abs(setpoint.position[2] - height) > self.params.gap
+        if climb <= _SINK_SPEED:
+            return False
+        off = setpoint.position[2] - estimate.position[2]
+        above = height_above_ground(self._context, estimate.position, estimate.attitude)
+        return abs(off) > self.params.gap or above + off < STANDS

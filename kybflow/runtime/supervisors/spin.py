@@ -4,7 +4,8 @@ It raises the alarm `spinning` if, in the air, the turn rate about body z minus 
 heading rate, averaged over the last quarter of a second, exceeds `limit`. The alarm then lasts for
 as long as the vehicle flies. Rotors that can keep a vehicle up and level may not be able to hold
 its heading: with a weak rotor it spins faster and faster, until its attitude can't be held either.
-Without an estimate nothing is reported. Rates are in radians per second.
+Without an estimate nothing is reported, and a rate does not count while the estimate's newest
+measurement is older than 0.1 s. Rates are in radians per second.
 
 The default reaction is `land`: the cause of the spin does not go away in the air.
 """
@@ -16,6 +17,7 @@ from math import degrees
 
 from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Tick
 from kybflow.core.units import DEG, AngularRate
+from kybflow.flight.tracked_pose import AHEAD
 from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -56,7 +58,10 @@ class Spin(Supervisor[SpinParams]):
         if estimate is None or not off_ground:
             self._rate, self._spins = 0.0, False
             return None
-        rate = estimate.angular_velocity[2] - (0.0 if setpoint is None else setpoint.heading_rate)
+        rate = self._rate
+        if estimate.age <= AHEAD:
+            asked = 0.0 if setpoint is None else setpoint.heading_rate
+            rate = estimate.angular_velocity[2] - asked
         self._rate += (rate - self._rate) * dt / (_AVERAGING_S + dt)
         spin, limit = abs(self._rate), self.params.limit
         self._spins = self._spins or spin > limit

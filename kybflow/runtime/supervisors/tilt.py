@@ -2,7 +2,8 @@
 
 Alarm `tilted` in the air while the angle between body z and world z is more than `limit`; once
 raised it stays until the angle is 5 deg smaller. Trackers stay under the airframe's own limit,
-which is far below this one. Without an estimate there is nothing to judge. Radians.
+which is far below this one. Without an estimate, or while its newest measurement is older than
+0.1 s, there is nothing to judge: how the vehicle has turned since then is unknown. Radians.
 
 The default reaction is `land_blind`, which asks for a level attitude and nothing else.
 """
@@ -15,6 +16,7 @@ from math import degrees, pi
 from kybflow.core.geometry import tilt_of
 from kybflow.core.signals import Alarm, Reaction, ReactionName, Tick
 from kybflow.core.units import DEG, Angle
+from kybflow.flight.tracked_pose import AHEAD
 from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -53,7 +55,7 @@ class TiltSupervisor(Supervisor[TiltSupervisorParams]):
         self._tilted = False
 
     def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
-        if tick.estimate is None or not off_ground:
+        if tick.estimate is None or tick.estimate.age > AHEAD or not off_ground:
             self._tilted = False
             return None
         tilt, limit = tilt_of(tick.estimate.attitude), self.params.limit

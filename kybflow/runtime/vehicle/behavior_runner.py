@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from math import inf
 from typing import Any
 
 from kybflow.core.errors import PartError, PartFailed, Refused
@@ -205,6 +206,19 @@ class BehaviorRunner:
     def wait(self, dt: float) -> None:
         """Stop the state's timers for a tick of `dt` seconds."""
         self.entered += round(dt * NS)
+
+    def remaining(self, now: Time) -> float:
+        """Return the seconds that were left of the state's `within` when its timers stopped;
+        infinity without one."""
+        machine, elapsed = self.machine, (now - self.entered) / NS
+        return min(
+            (
+                transition.after - machine.chains.get(transition.since, 0.0) - elapsed
+                for transition in self.state.transitions
+                if transition.cause == "within" and transition.after is not None
+            ),
+            default=inf,
+        )
 
     def update(self, tick: Tick) -> Setpoint | Command:
         """Return the output of the hold or of the behavior. The behavior's end takes effect in the

@@ -233,7 +233,10 @@ class Candidate:
 
 class Estimation:
     """A vehicle's estimators. report: is called with the failure of an estimator. known: returns a
-    description of the known faults of the given kinds of measurement, empty without any."""
+    description of the known faults of the given kinds of measurement, empty without any.
+
+    lost: the last estimate before there was none, None before that.
+    """
 
     def __init__(
         self,
@@ -244,6 +247,7 @@ class Estimation:
         report: Callable[[PartFailed], None],
         known: Known = lambda _: "",
     ) -> None:
+        self.lost: Estimate | None = None
         self._listed = [Candidate(estimator, context) for estimator in plan.estimators]
         self._candidates = self._listed
         self._anchored = [candidate for candidate in self._listed if candidate.anchors]
@@ -359,6 +363,7 @@ class Estimation:
         self._was_used = True
         last, self._blend = self._flown, None
         if chosen is None or estimate is None:
+            self.lost = last
             self._events.emit(EstimatorLost(previous=before, reason=reason), self._vehicle)
             self._score.estimator("", now / NS)
             return

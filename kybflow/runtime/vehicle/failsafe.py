@@ -9,7 +9,8 @@ In every tick, `Decision` calls `Failsafe.check` and passes the severest alarm t
 - A latched reaction is replaced only by a severer one, until the vehicle is reset in `fault`, on
   the ground. A `brake` on the way home becomes `land`.
 - A brake ends when every alarm that braked the vehicle has been silent for 1 s. An alarm that
-  returns within 5 s of that holds the vehicle for good.
+  returns within 5 s of that holds the vehicle for good, until `hover_limit` or what is left of the
+  state's `within` is over; then it lands.
 - A vehicle that lands blind changes to a landing by its estimate (`land`) once there has been an
   estimate, and no alarm with the reaction `land_blind`, for 0.5 s: the IMU, by which it lands
   blind, may be wrong too. It continues to land blind if a landing by the estimate has failed or a
@@ -267,6 +268,11 @@ class Failsafe:
         """The latest reasons of the braking alarms."""
         return " and ".join(brake.reason for brake in self._braking.values())
 
+    @property
+    def holds_for_good(self) -> bool:
+        """Whether the brake doesn't end by itself, because its alarm has returned."""
+        return self._for_good
+
     def release(self, now: Time) -> bool:
         """End the brake if its alarms have been silent for long enough; return whether it ended."""
         if not self._braking or self._for_good:
@@ -398,15 +404,18 @@ class Reactions:
 
     def update_hold(self, now: Time) -> None:
         """Release a brake once its alarms have been silent for long enough; land if the hold has
-        lasted longer than the mission's hover limit."""
+        lasted longer than the mission's hover limit, or, if the brake holds for good, longer than
+        what is left of the state's `within`."""
         hold, failsafe = self._runner.hold, self._failsafe
         assert hold is not None
         if "brake" in hold.holders and failsafe.release(now):
             hold.leave("brake", now)
         limit = self._plan.hover_limit
+        if failsafe.holds_for_good:
+            limit = min(limit, self._runner.remaining(now))
         if hold.lasts and self._runner.off_ground and now - hold.since >= limit * NS:
             why = failsafe.brakes_because
-            self._score.failure(f"held for {limit:g} s{': ' if why else ''}{why}")
+            self._score.failure(f"held for {limit:.3g} s{': ' if why else ''}{why}")
             failsafe.clear_brake()
             self._runner.enter_built_in(AUTO_LAND)
 

@@ -334,5 +334,5 @@ class TickBuilder:
         lift = knowledge.resting.specific_force
         return Entry(
             knowledge.now, context, knowledge.estimate, control.followed, thrust, flight, lift,
-            self._inputs,
+            self._inputs, knowledge.estimation.lost,
         )  # fmt: skip

@@ -1,11 +1,21 @@
 """land_blind: a 1-D vehicle with a wrong thrust model comes down, as fast as the page says."""
 
 import re
+from math import atan2
 
 import pytest
-from part_bench import DT, MASS, SITE, entry, tick
+from part_bench import DT, MASS, SITE, entry, estimate, tick
 
-from kybflow.core.geometry import GRAVITY, ZERO, tilt_of
+from kybflow.core.geometry import (
+    GRAVITY,
+    LEVEL,
+    ZERO,
+    Vec3,
+    body_z,
+    from_heading,
+    heading_of,
+    tilt_of,
+)
 from kybflow.core.signals import NS, Command, Done, Imu, Setpoint, SetpointKind
 from kybflow.parts import AIR, GROUND, MOVING, Entry
 from kybflow.runtime.behaviors import land_blind
@@ -110,15 +120,50 @@ def test_it_holds_its_descent_by_what_the_imu_feels() -> None:
     assert 1.1 * thrust == pytest.approx(MASS * GRAVITY, rel=0.05)
 
 
-def test_an_impact_stops_the_rotors() -> None:
+@pytest.mark.parametrize("carries", [True, False])
+def test_an_impact_stops_the_rotors_if_the_floor_carries_the_vehicle(carries: bool) -> None:
     behavior = LandBlind(LandBlindParams(), entry((0.0, 0.0, 1.5)))
-    for i in range(1, 60):
-        output = behavior.update(
-            tick(i * DT)._replace(imu=felt(i, (1.0 + 1e-4 * i) * MASS * GRAVITY))
-        )
-        assert isinstance(output, Command)
-    struck = tick(60 * DT)._replace(imu=felt(60, 3.0 * MASS * GRAVITY))
-    assert behavior.update(struck) == Done(Setpoint(SetpointKind.IDLE))
+    output, thrust = None, MASS * GRAVITY
+    for i in range(1, 140):
+        force = (1.0 + 1e-4 * i) * thrust if i < 60 else 3.0 * MASS * GRAVITY
+        if i > 60:
+            force = (1.0 + 1e-4 * i) * (max(MASS * GRAVITY, thrust) if carries else thrust)
+        output = behavior.update(tick(i * DT)._replace(imu=felt(i, force)))
+        if isinstance(output, Done):
+            break
+        thrust += (output.thrust - thrust) * DT / 0.03
+    assert isinstance(output, Done) is carries
+
+
+def lost(velocity: Vec3, setpoint: Setpoint | None, heading: float = 0.0) -> Entry:
+    """Entered after the estimate of this velocity and heading was lost."""
+    known = estimate((0.0, 0.0, 1.0), velocity)._replace(attitude=from_heading(heading))
+    return Entry(0, SITE, None, setpoint, MASS * GRAVITY, AIR, lost=known)
+
+
+@pytest.mark.parametrize("setpoint", [None, Setpoint(SetpointKind.VELOCITY, velocity=None)])
+@pytest.mark.parametrize("heading", [0.0, 2.5])
+def test_the_last_known_velocity_is_braked_first_in_the_last_known_heading(
+    setpoint: Setpoint | None, heading: float
+) -> None:
+    behavior = LandBlind(LandBlindParams(), lost((0.8, -0.4, 0.0), setpoint, heading))
+    first = behavior.update(tick())
+    x, y, _ = body_z(first.attitude)
+    assert atan2(y, x) == pytest.approx(atan2(0.4, -0.8), abs=0.05)
+    assert heading_of(first.attitude) == pytest.approx(heading, abs=0.05)
+    assert 0.1 < tilt_of(first.attitude) <= SITE.airframe.tilt + 1e-6
+    assert first.heading is None
+    for i in range(1, 400):
+        last = behavior.update(tick(i * DT))
+    assert last.attitude == LEVEL
+
+
+def test_the_last_known_climb_is_the_climb_it_begins_with_whatever_the_setpoint_lacks() -> None:
+    """Without an IMU the thrust takes the climb away."""
+    still, climbs = (
+        LandBlind(LandBlindParams(), lost((0.0, 0.0, climb), None)) for climb in (0.0, 0.5)
+    )
+    assert climbs.update(tick()).thrust < 0.95 * still.update(tick()).thrust
 
 
 def test_an_imu_that_falls_silent_leaves_the_open_loop_with_what_was_learnt() -> None:

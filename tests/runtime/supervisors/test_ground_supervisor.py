@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 from part_bench import SITE, at_rest, estimate, tick
 from plans import part, plan, vehicle
 from short_flights import down, hold, up
@@ -40,6 +41,24 @@ def test_one_that_fell_below_where_it_was_held_is_noticed_too():
     """A brake comes to rest where the fall leads, which may be below the ground."""
     held = at_rest((0.0, 0.0, -0.4))
     assert heard(1.0, 0.0, 0.0, 0.0, setpoint=held)[-1] == TOUCHED
+
+
+@pytest.mark.parametrize("held", [-0.05, 0.0, 0.04])
+def test_one_that_a_brake_holds_on_the_ground_is_noticed_too(held: float):
+    assert heard(1.0, 0.02, 0.0, 0.01, setpoint=at_rest((0.0, 0.0, held)))[-1] == TOUCHED
+
+
+def test_one_that_flies_beside_its_table_at_the_height_of_its_start_is_not():
+    context = SITE._replace(start=(0.0, 0.0, 0.8))
+    supervisor = Ground(GroundParams(), context)
+    there = (2.0, 0.0, 0.82)
+    for now, place in enumerate(((0.0, 0.0, 1.5), *[there] * 4)):
+        known = estimate(place)
+        assert supervisor.check(tick(0.3 * now, known, at_rest(place)), airborne=True) is None
+    above = (0.1, 0.0, 0.82)
+    for now in range(5, 8):
+        alarm = supervisor.check(tick(0.3 * now, estimate(above), at_rest(above)), airborne=True)
+    assert alarm == TOUCHED
 
 
 def test_the_setpoint_of_a_landing_sinks():

@@ -11,11 +11,13 @@ from kybflow.runtime.supervisors.spin import Spin, SpinParams
 PERIOD = 0.02
 
 
-def heard(rates, asked=0.0, off_ground=True, supervisor=None):
+def heard(rates, asked=0.0, off_ground=True, supervisor=None, age=0.0):
     """The alarm after these turn rates, deg/s, one a look."""
     supervisor, alarm = supervisor or Spin(SpinParams(), SITE), None
     for look, rate in enumerate(rates):
-        known = estimate((0.0, 0.0, 1.0))._replace(angular_velocity=(0.0, 0.0, radians(rate)))
+        known = estimate((0.0, 0.0, 1.0), age=age)._replace(
+            angular_velocity=(0.0, 0.0, radians(rate))
+        )
         wanted = Setpoint(SetpointKind.POSITION, heading_rate=asked)
         alarm = supervisor.check(tick(look * PERIOD, known, wanted), off_ground)
     return alarm
@@ -36,6 +38,10 @@ def test_noise_and_a_quick_turn_are_no_spin():
 
 def test_a_turn_that_is_asked_for_is_no_spin():
     assert heard([720.0] * 50, asked=radians(720.0)) is None
+
+
+def test_how_the_vehicle_turned_long_ago_does_not_count():
+    assert heard([720.0] * 50, age=0.11) is None
 
 
 def test_it_lasts_until_the_vehicle_is_down():

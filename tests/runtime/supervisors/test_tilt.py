@@ -32,3 +32,13 @@ def test_an_alarm_lasts_until_the_vehicle_is_well_below_the_limit() -> None:
 def test_on_the_ground_and_without_an_estimate_it_is_silent() -> None:
     assert TiltSupervisor(TiltSupervisorParams(), SITE).check(at(90.0), off_ground=False) is None
     assert TiltSupervisor(TiltSupervisorParams(), SITE).check(tick(), off_ground=True) is None
+
+
+def test_how_the_vehicle_was_tilted_long_ago_is_not_judged() -> None:
+    supervisor = TiltSupervisor(TiltSupervisorParams(), SITE)
+    heard = [
+        supervisor.check(seen._replace(estimate=seen.estimate._replace(age=age)), True) is not None
+        for age in (0.02, 0.11, 0.3)
+        for seen in [at(70.0)]
+    ]
+    assert heard == [True, False, False]
