@@ -14,7 +14,7 @@ from kybflow.dsl.plan import Plan
 
 EIGHT = MISSIONS / "figure_eight.yaml"
 LAB = "control: 250 Hz\ntargets:\n  lab: {all: {driver: {use: sim, calm: false}}}\n"
-"""At 250 Hz, because TeleKyb's loop ran on each pose of motion capture: a tick comes soon after it."""
+"""At 250 Hz, because TeleKyb's loop ran on each pose: here a tick comes soon after it."""
 PAPER = {"mk": {"mean": 0.034, "max": 0.062}, "nano": {"mean": 0.021, "max": 0.039}}
 """Position errors, metres (Grabe et al., ECMR 2013, sec. VI-A)."""
 WORSE = 1.5

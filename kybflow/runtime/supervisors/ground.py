@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from kybflow.core.signals import NS, Alarm, Estimate, Reaction, ReactionName, Setpoint, Tick, Time
 from kybflow.core.units import Length
 from kybflow.parts import Objection, Supervisor, param, params
-from kybflow.world.ground import STANDS, height_above_ground
+from kybflow.world.ground import STAND_HEIGHT, height_above_ground
 from kybflow.world.vehicle_context import VehicleContext
 
 _FLOWN_HEIGHT, _NEAR_HEIGHT = 0.15, 0.05
@@ -89,4 +89,4 @@ class Ground(Supervisor[GroundParams]):
             return False
         off = setpoint.position[2] - estimate.position[2]
         above = height_above_ground(self._context, estimate.position, estimate.attitude)
-        return abs(off) > self.params.gap or above + off < STANDS
+        return abs(off) > self.params.gap or above + off < STAND_HEIGHT
