@@ -174,9 +174,10 @@ class Motion(NamedTuple):
         return Setpoint(SetpointKind.POSITION, p, v, a, j, heading, heading_rate)
 
     def setpoint_like(self, asked: Setpoint) -> Setpoint:
-        """Return this motion as a setpoint with the heading of `asked`."""
-        heading = asked.heading
-        return Setpoint(SetpointKind.POSITION, *self, heading, asked.heading_rate)
+        """Return this motion as a setpoint of the kind and with the heading of `asked`."""
+        kind, heading, rate = asked.kind, asked.heading, asked.heading_rate
+        position = None if kind is SetpointKind.VELOCITY else self.position
+        return Setpoint(kind, position, *self[1:], heading, rate)
 
 
 def motion_of(setpoint: Setpoint) -> Motion:

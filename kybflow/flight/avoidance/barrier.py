@@ -24,11 +24,12 @@ that lands, waits or is flown by a person doesn't give way. World frame, metres.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf, sqrt
+from math import inf, sqrt, tan
 from typing import NamedTuple
 
-from kybflow.core.geometry import Vec3, add, dot, norm, scale, sub
+from kybflow.core.geometry import GRAVITY, Vec3, add, dot, norm, scale, sub
 from kybflow.flight.avoidance.surroundings import Hazard
+from kybflow.world.vehicle_context import Airframe
 
 _GAIN, _RATE = 3.0, 10.0
 """k and c, 1/s."""
@@ -41,6 +42,9 @@ _TOLERANCE = 1e-9
 _MISSED_COST, _UNBOUNDED_COST = 1e3, 1e30
 """The cost of missing a demand, relative to an equally large change of the acceleration, and a
 number that stands for infinity."""
+_STRONGEST, _TILT_SHARE, _PLANNED = 3.0, 0.8, 0.8
+"""The largest acceleration, m/s^2; the largest share of the acceleration that the airframe's tilt
+allows; and the share of the smaller of these with which braking is planned."""
 _MIN_APPROACH = 0.3
 """The least component of a unit heading along -n at which the vehicle heads for the hazard."""
 
@@ -54,6 +58,16 @@ class Demand(NamedTuple):
     def holds(self, acceleration: Vec3) -> bool:
         """Return whether an acceleration fulfils the demand."""
         return dot(self.normal, acceleration) >= self.least - _TOLERANCE
+
+
+def strongest_of(airframe: Airframe) -> float:
+    """Return the largest acceleration (m/s^2) that barriers ask of an airframe along each axis."""
+    return min(_STRONGEST, _TILT_SHARE * GRAVITY * tan(airframe.tilt))
+
+
+def braking_of(braking: float, strongest: float) -> float:
+    """Return the deceleration to plan with: `braking`, or a share of `strongest` (both m/s^2)."""
+    return min(braking, _PLANNED * strongest)
 
 
 def stoppable(room: float, braking: float) -> tuple[float, float]:

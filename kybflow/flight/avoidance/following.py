@@ -1,34 +1,35 @@
 """Keeps the setpoints of a vehicle clear of hazards, by `kybflow.flight.avoidance.barrier`.
 
-Position setpoints are pursued by a reference, a position q and a velocity u
-(`kybflow.flight.governor`), with the acceleration that the barriers allow. Distances count from q,
-or from the estimate if that is nearer by more than a slack. For a velocity setpoint, the barriers
-bound its change from what the tracker followed; for an acceleration setpoint, they bound the
-acceleration itself. For both, distances count from the estimate. A setpoint that no barrier changes
-passes bit for bit. World frame.
+Setpoints are pursued by a smooth reference (`kybflow.flight.governor`), with the acceleration that
+the barriers allow for its position and velocity ahead. The position is the reference's, or the
+estimate if that is nearer to something by more than a slack; for setpoints of velocity and
+acceleration it is the one ahead of the estimate, and for those of acceleration so is the velocity.
+A setpoint that no barrier changes passes bit for bit. World frame.
 """
 
 from __future__ import annotations
 
-from math import cos, sin, tan
+from math import cos, inf, sin
 from typing import NamedTuple
 
 from kybflow.core.events import Emitting, ProcessorEvent
-from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, dot, norm, scale, sub
+from kybflow.core.geometry import Vec3, add, dot, norm, scale, sub
 from kybflow.core.signals import NEVER, NS, Setpoint, SetpointKind, Tick, Time
 from kybflow.flight.avoidance.barrier import (
     Demand,
     braked,
+    braking_of,
     demand,
     filtered,
     least_bad,
     reach_of,
     stopped,
+    strongest_of,
 )
 from kybflow.flight.avoidance.clearance import bounded, walls
 from kybflow.flight.avoidance.surroundings import Nearby, SecondPoint
-from kybflow.flight.governor import Follower, shortened
-from kybflow.flight.motion import motion_of
+from kybflow.flight.governor import Follower, led, shortened
+from kybflow.flight.motion import Motion, motion_of
 from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import Airframe
 
@@ -77,12 +78,9 @@ class Detour:
         return turned if self._room is None else bounded(turned, walls(place, self._room))
 
 
-_POSITION, _VELOCITY = SetpointKind.POSITION, SetpointKind.VELOCITY
-ACCEPTS = {kind: kind for kind in (_POSITION, _VELOCITY, SetpointKind.ACCELERATION)}
+_POSITION, _ACCELERATION = SetpointKind.POSITION, SetpointKind.ACCELERATION
+ACCEPTS = {kind: kind for kind in (_POSITION, SetpointKind.VELOCITY, _ACCELERATION)}
 """The kinds of setpoint that it changes, each with the kind that results, which is the same."""
-_MAX_ACCELERATION, _TILT_SHARE, _PLANNED_SHARE = 3.0, 0.8, 0.8
-"""The largest acceleration, m/s^2; the largest share of the acceleration that the airframe's tilt
-allows; and the share of the smaller of these with which braking is planned."""
 _NEAR_STEP, _FAR_STEP = 1e-3, 0.05
 """The largest step in position, beyond the velocity's, that passes if something is near, and if
 nothing is, m."""
@@ -116,8 +114,8 @@ class Avoidance:
         self._gets_stuck = False
         self._stuck: Time = -NEVER
         self._nearby, self._hull, self._detour = nearby, airframe.hull, detour
-        self._strongest = min(_MAX_ACCELERATION, _TILT_SHARE * GRAVITY * tan(airframe.tilt))
-        self._follower = Follower()
+        self._strongest = strongest_of(airframe)
+        self._follower = Follower(airframe)
 
     def bend(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint | Emitting:
         """Return the setpoint to follow. When the vehicle begins to brake because it has no way
@@ -132,28 +130,24 @@ class Avoidance:
     def keep_off(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint:
         """Return the setpoint to follow, clear of hazards."""
         follower, kind = self._follower, setpoint.kind
+        lag = follower.lag
         follower.resume(setpoint, tick)
         known = tick.known()
-        if kind is _POSITION:
-            place, velocity = follower.position, follower.velocity
-        elif kind is _VELOCITY:
-            place, velocity = known.position, follower.velocity
-        else:
-            place, velocity = known.position, known.velocity
+        if kind is not _POSITION:
+            follower.position = known.position
+        if kind is _ACCELERATION:
+            follower.velocity = known.velocity
+        place, velocity = follower.ahead()
         keep, strongest = keeping.keep + self._hull, self._strongest
-        braking = min(keeping.braking, _PLANNED_SHARE * strongest)
+        braking = braking_of(keeping.braking, strongest)
         second = SecondPoint(known.position, keeping.slack) if kind is _POSITION else None
         near = self._nearby.near(
             place, norm(velocity), tick, lambda v: keep + reach_of(v, braking, strongest), second
         )
-        demands = [demand(h, keep, velocity, braking, strongest) for h in near]
-        if kind is _POSITION:
-            return self._followed(setpoint, demands, keeping, strongest, tick)
-        if kind is _VELOCITY:
-            return self._slewed(setpoint, demands, strongest, tick)
-        wanted = setpoint.acceleration or ZERO
-        given = self._allowed(wanted, known.velocity, demands, strongest, tick)
-        return setpoint if given == wanted else setpoint._replace(acceleration=given, jerk=None)
+        # what moves is compared where it will be when the setpoint is at `place`
+        there = (h._replace(room=h.room - lag * dot(h.outward, h.velocity)) for h in near)
+        demands = [demand(h, keep, velocity, braking, strongest) for h in there]
+        return self._followed(setpoint, demands, keeping, tick)
 
     def _allowed(
         self, wanted: Vec3, velocity: Vec3, demands: list[Demand], strongest: float, tick: Tick
@@ -173,45 +167,39 @@ class Avoidance:
         return slowing if least is None else least
 
     def _followed(
-        self, setpoint: Setpoint, demands: list[Demand], keeping: Keeping, most: float, tick: Tick
+        self, setpoint: Setpoint, demands: list[Demand], keeping: Keeping, tick: Tick
     ) -> Setpoint:
-        follower, asked, dt = self._follower, motion_of(setpoint), tick.dt
-        if not follower.behind and self._passes(setpoint, demands, dt):
-            follower.join(asked.position, asked.velocity)
+        follower, asked, dt, kind = self._follower, motion_of(setpoint), tick.dt, setpoint.kind
+        if not follower.behind and self._passes(kind, asked, demands, dt):
+            follower.join(asked)
             return setpoint
-        goal = follower.pursuit(asked, keeping.speed, keeping.braking, dt)
-        if self._detour is not None:
-            goal = self._detour.turned(goal, follower.position, follower.velocity, demands, dt)
-        wanted = scale(shortened(sub(goal, follower.velocity), most * dt), 1.0 / dt)
-        given = self._allowed(wanted, follower.velocity, demands, most, tick)
+        most = self._strongest
+        place, velocity = follower.ahead()
+        if kind is _ACCELERATION:
+            wanted = led(asked.acceleration, asked.jerk, follower.lag)
+        else:
+            speed = keeping.speed if kind is _POSITION else inf
+            goal = follower.pursuit(asked, speed, keeping.braking, dt)
+            if self._detour is not None:
+                goal = self._detour.turned(goal, place, velocity, demands, dt)
+            wanted = shortened(follower.change_to(goal, dt), most)
+        given = self._allowed(wanted, velocity, demands, most, tick)
+        motion = follower.advance(given, dt)
         if given == wanted and follower.has_caught_up(asked, keeping.braking, dt):
-            follower.join(asked.position, asked.velocity)
+            follower.join(asked)
             return setpoint
-        return follower.advance(scale(given, dt), dt).setpoint_like(setpoint)
+        return motion.setpoint_like(setpoint)
 
-    def _passes(self, setpoint: Setpoint, demands: list[Demand], dt: float) -> bool:
+    def _passes(self, kind: SetpointKind, asked: Motion, demands: list[Demand], dt: float) -> bool:
         """Return whether a setpoint continues the last one and the barriers allow it."""
-        before, velocity = self._follower, setpoint.velocity or ZERO
-        mean = scale(add(velocity, before.velocity), 0.5 * dt)
-        jump = norm(sub(sub(setpoint.position or ZERO, before.position), mean))
-        change = scale(sub(velocity, before.velocity), 1.0 / dt)
-        return jump <= (_NEAR_STEP if demands else _FAR_STEP) and all(
-            d.holds(change) for d in demands
-        )
-
-    def _slewed(
-        self, setpoint: Setpoint, demands: list[Demand], most: float, tick: Tick
-    ) -> Setpoint:
-        dt = tick.dt
-        before, asked = self._follower.velocity, setpoint.velocity or ZERO
-        goal = asked
-        if self._detour is not None and demands:
-            goal = self._detour.turned(asked, tick.known().position, before, demands, dt)
-        wanted = scale(sub(goal, before), 1.0 / dt)
-        given = self._allowed(wanted, before, demands, most, tick)
-        if goal == asked and given == wanted:
-            self._follower.join(ZERO, asked)
-            return setpoint
-        velocity = add(before, scale(given, dt))
-        self._follower.join(ZERO, velocity)
-        return setpoint._replace(velocity=velocity, acceleration=given, jerk=None)
+        before = self._follower
+        if kind is _ACCELERATION:
+            change = led(asked.acceleration, asked.jerk, before.lag)
+        else:
+            change = before.change_to(led(asked.velocity, asked.acceleration, before.lag), dt)
+        if kind is _POSITION:
+            mean = scale(add(asked.velocity, before.velocity), 0.5 * dt)
+            jump = norm(sub(sub(asked.position, before.position), mean))
+            if jump > (_NEAR_STEP if demands else _FAR_STEP):
+                return False
+        return all(d.holds(change) for d in demands)

@@ -17,11 +17,11 @@ from collections.abc import Iterator
 from typing import Literal
 
 from kybflow.core.errors import Refused
-from kybflow.core.geometry import Vec3, add, norm, scale, sub, wrap
+from kybflow.core.geometry import Vec3, add, norm, scale, wrap
 from kybflow.core.signals import Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Duration, Length, Position, Speed
 from kybflow.flight.formation.places import turned_by
-from kybflow.flight.governor import CAUGHT_UP, Follower
+from kybflow.flight.governor import Follower
 from kybflow.flight.motion import Motion
 from kybflow.parts import AIR, Behavior, Entry, Footprint, Objection, param, params
 from kybflow.runtime.behaviors._leader import Leader, Leading
@@ -69,8 +69,8 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         self._leader = Leader(params.vehicle)
         self._heading, self._rate = entry.heading, 0.0
         self._speed = entry.cruise_speed(params.speed)
-        self._follower = Follower()
-        self._follower.join(*entry.motion[:2])
+        self._follower = Follower(entry.context.airframe)
+        self._follower.join(entry.motion)
         self._stop: Vec3 | None = None
 
     def update(self, tick: Tick) -> Setpoint | Failed:
@@ -78,7 +78,7 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
         leading = self._leader.heard(tick, p.delay, p.freshness)
         if leading is None:
             if self._stop is None:  # where the setpoint comes to rest if it brakes now
-                x, v = follower.position, follower.velocity
+                x, v = follower.ahead()
                 self._stop = add(x, scale(v, norm(v) / p.acceleration))
             goal, self._rate = Motion(self._stop), 0.0
         else:
@@ -88,12 +88,9 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
                 self._rate = max(-_TURN_RATE, min(_TURN_RATE, leading.rate + 2.0 * off))
                 self._heading = wrap(self._heading + self._rate * tick.dt)
         self.waits_for = None if leading is not None else f"news, as {self._leader.trouble}"
-        place, velocity = follower.position, follower.velocity
         motion = follower.follow(goal, self._speed, p.acceleration, tick.dt)
-        ahead = add(place, scale(add(velocity, goal.velocity), 0.5 * tick.dt))
-        near = norm(sub(goal.position, ahead)) <= CAUGHT_UP
-        if near and norm(sub(goal.velocity, velocity)) <= p.acceleration * tick.dt:
-            follower.join(goal.position, goal.velocity)
+        if follower.has_caught_up(goal, p.acceleration, tick.dt):
+            follower.join(goal)
             motion = goal
         setpoint = motion.setpoint(self._heading, self._rate)
         if self._leader.lost > p.patience:

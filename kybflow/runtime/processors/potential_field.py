@@ -14,10 +14,10 @@ air. World frame, metres.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from math import pi, sqrt, tan
+from math import inf, pi, sqrt, tan
 from typing import ClassVar, NamedTuple
 
-from kybflow.core.geometry import ZERO, Vec3, add, scale, sub
+from kybflow.core.geometry import ZERO, Vec3, add, scale
 from kybflow.core.signals import Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Length, Number, Speed
 from kybflow.flight.avoidance.surroundings import Hazard, Nearby
@@ -119,7 +119,8 @@ class PotentialField(Processor[PotentialFieldParams]):
 
     def __init__(self, params: PotentialFieldParams, context: VehicleContext) -> None:
         super().__init__(params, context)
-        self._nearby, self._follower = Nearby(context, params.treat_as_obstacles), Follower()
+        self._nearby = Nearby(context, params.treat_as_obstacles)
+        self._follower = Follower(context.airframe)
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:
         p, follower = self.params, self._follower
@@ -130,22 +131,17 @@ class PotentialField(Processor[PotentialFieldParams]):
         potential = Potential(p.level, p.above, p.nearest, farthest, p.gain, p.saturation)
         near = self._nearby.near(tick.known().position, 0.0, tick, lambda _: potential.reach)
         repelled = push(near, potential)
-        if setpoint.kind is SetpointKind.POSITION:
-            return self._shifted(setpoint, repelled, tick.dt)
-        if repelled == ZERO:
-            return setpoint
-        velocity = add(setpoint.velocity or ZERO, shortened(repelled, p.speed))
-        return setpoint._replace(velocity=velocity, acceleration=ZERO, jerk=None)
-
-    def _shifted(self, setpoint: Setpoint, repelled: Vec3, dt: float) -> Setpoint:
-        p, follower, asked = self.params, self._follower, motion_of(setpoint)
+        asked, dt = motion_of(setpoint), tick.dt
         if repelled == ZERO and not follower.behind:
-            follower.join(asked.position, asked.velocity)
+            follower.join(asked)
             return setpoint
-        goal = follower.pursuit(asked, p.velocity, p.acceleration, dt)
-        goal = shortened(add(goal, repelled), p.velocity)
-        change = shortened(sub(goal, follower.velocity), p.acceleration * dt)
+        places = setpoint.kind is SetpointKind.POSITION
+        speed = p.velocity if places else inf
+        goal = follower.pursuit(asked, speed, p.acceleration, dt)
+        goal = shortened(add(goal, repelled if places else shortened(repelled, p.speed)), speed)
+        change = shortened(follower.change_to(goal, dt), p.acceleration)
+        motion = follower.advance(change, dt)
         if repelled == ZERO and follower.has_caught_up(asked, p.acceleration, dt):
-            follower.join(asked.position, asked.velocity)
+            follower.join(asked)
             return setpoint
-        return follower.advance(change, dt).setpoint_like(setpoint)
+        return motion.setpoint_like(setpoint)

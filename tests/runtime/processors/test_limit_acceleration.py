@@ -60,9 +60,17 @@ def test_its_fields_are_each_others_derivatives_while_it_is_behind() -> None:
     goal = at_rest((2.0, 0.0, 1.0))
     bent = bend([at_rest(START)] * 2 + [goal] * 600)
     for a, b in itertools.pairwise(bent):
-        moved = 0.5 * (a.velocity[0] + b.velocity[0]) * DT
-        assert b.position[0] - a.position[0] == pytest.approx(moved, abs=1e-9)
-        assert b.velocity[0] - a.velocity[0] == pytest.approx(b.acceleration[0] * DT, abs=1e-9)
+        moved, changed, bent_by = (
+            0.5 * (x + y) * DT
+            for x, y in zip(
+                (a.velocity[0], a.acceleration[0], a.jerk[0]),
+                (b.velocity[0], b.acceleration[0], b.jerk[0]),
+                strict=True,
+            )
+        )
+        assert b.position[0] - a.position[0] == pytest.approx(moved, abs=1e-6)
+        assert b.velocity[0] - a.velocity[0] == pytest.approx(changed, abs=1e-3)
+        assert b.acceleration[0] - a.acceleration[0] == pytest.approx(bent_by, abs=0.1)
 
 
 def test_a_stated_acceleration_above_the_limit_is_not_passed_on() -> None:
@@ -73,8 +81,8 @@ def test_a_stated_acceleration_above_the_limit_is_not_passed_on() -> None:
 def test_the_change_of_a_velocity_is_limited() -> None:
     fast = Setpoint(SetpointKind.VELOCITY, None, (1.0, 0.0, 0.0), ZERO)
     rest = fast._replace(velocity=ZERO)
-    bent = bend([rest] + [fast] * 200)
-    assert bent[1].velocity == pytest.approx((3.0 * DT, 0.0, 0.0))
+    bent = bend([rest] + [fast] * 400)
+    assert max(changes(bent)) <= 3.0 + 1e-9
     assert bent[-1] is fast
 
 
@@ -93,7 +101,7 @@ def test_a_velocity_that_follows_a_position_begins_as_fast_as_that() -> None:
     processor(last, tick(DT))
     rest = Setpoint(SetpointKind.VELOCITY, None, ZERO, ZERO)
     bent = processor(rest, tick(2 * DT, setpoint=last))
-    assert bent.velocity == pytest.approx((0.4 - 3.0 * DT, 0.0, 0.0))
+    assert 0.4 - 3.0 * DT < bent.velocity[0] < 0.4
 
 
 def test_a_new_behavior_begins_where_a_processor_behind_it_kept_the_vehicle() -> None:
