@@ -328,6 +328,7 @@ class _Run:
             seed=self._request.seed,
             sim_time_s=engine.seconds() if engine else 0.0,
             wall_time_s=wall_time_s,
+            missed_ticks=engine.clock.missed if engine else 0,
             flows=engine.flows.record() if engine else {},
         )
 

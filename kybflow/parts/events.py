@@ -32,6 +32,15 @@ class ObserverFailed(RunEvent):
     reason: str
 
 
+class TicksMissed(RunEvent):
+    """The computer is late: it made too few of the ticks that were due, so commands are late and
+    far apart; emitted every 10 s at most. `value` is the share of them that it made."""
+
+    reason: str
+    value: float
+    bound: float
+
+
 class RecordingStopped(RunEvent):
     """A part of the recording is lost; the flight goes on."""
 

@@ -5,6 +5,7 @@ times in seconds. Numbers have six significant digits. Null means "unknown" or "
 
 - `outcome`: succeeded, failed, interrupted or driver_failed; `reason`: why it did not succeed.
 - `world`: the environment in which the figures hold, such as `a lab`, `still air` or `real`.
+- `missed_ticks`: the ticks that were left out because the computer was late.
 - `vehicles.NAME.final`: ground or air, in simulation by the truth. The vehicle's errors are between
   the behavior's setpoint, before processors, and the true position (on hardware, the estimate).
   They cover the intervals `airborne_s` in the air; if the run ended in the air, the last of these
@@ -95,6 +96,7 @@ def summarise(
     seed: int,
     sim_time_s: float,
     wall_time_s: float,
+    missed_ticks: int = 0,
     flows: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Return the content of `summary.json`."""
@@ -112,6 +114,7 @@ def summarise(
         "sim_time_s": rounded(sim_time_s),
         "wall_time_s": rounded(wall_time_s),
         "real_time_factor": rounded(sim_time_s / wall_time_s) if wall_time_s > 0.0 else None,
+        "missed_ticks": missed_ticks,
         "vehicles": {
             name: vehicle.record(name in ending.in_air) for name, vehicle in score.vehicles.items()
         },

@@ -23,8 +23,9 @@ from kybflow.parts.events import (
     PreflightPassed,
     RunStarted,
     RunStopped,
+    TicksMissed,
 )
-from kybflow.runtime.clock import Clock
+from kybflow.runtime.clock import Clock, TickCount
 from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.commanding.commander import Commander
 from kybflow.runtime.commanding.legal import RunView
@@ -41,6 +42,7 @@ from kybflow.runtime.options import Options
 from kybflow.runtime.preflight import (
     PreflightResult,
     PreflightTimeout,
+    clock_lines,
     input_lines,
     obstacle_lines,
     preflight,
@@ -52,6 +54,9 @@ LANDING_TIMEOUT, SLOWEST_DESCENT = 60.0, 0.2
 """Vehicles have `LANDING_TIMEOUT` seconds to land after the mission's time limit, or, if that is
 longer, the time of a descent from the top of the fence at `SLOWEST_DESCENT` m/s."""
 _OBSERVED_EVERY = NS // 20
+KEPT = 0.9
+"""The share of a second's ticks below which the computer is reported to be late."""
+_REPORTED_EVERY = 10 * NS
 
 Observer = Callable[["Engine"], None]
 
@@ -102,7 +107,9 @@ class Engine:
         self.injection = Injection(plan.faults, active, self._condition, events, seed)
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable)
         self.drops = PayloadDrops(self.vehicles, events)
+        self._ticks = TickCount(clock)
         self._next_look: Time = 0
+        self._reported_late: Time | None = None
         self._ticked: Time | None = None
         self._landing: str | None = None
         self._stopped: str | None = None
@@ -184,11 +191,21 @@ class Engine:
         if self.clock.now >= self._next_look:
             self._next_look = self.clock.now + _OBSERVED_EVERY
             self.drops.step()
+            if self._ticks.update() and self._ticks.share < KEPT:
+                self._report_late(self.clock.now)
             for observe in self._observers:
                 self._observed(observe)
         now = self.clock.step()
         for session in self._sessions:
             session.advance(now)
+
+    def _report_late(self, now: Time) -> None:
+        """Report that the computer is late, every 10 s at most."""
+        last = self._reported_late
+        if last is None or now - last >= _REPORTED_EVERY:
+            self._reported_late = now
+            ticks = self._ticks
+            self.events.emit(TicksMissed(reason=str(ticks), value=ticks.share, bound=KEPT))
 
     def _observed(self, observe: Observer) -> None:
         try:
@@ -212,6 +229,7 @@ class Engine:
                 vehicle.link_out.prepare_preflight(self.clock.now)
             lines = [line for v in self.vehicles for line in preflight(v, self.vehicles)]
             lines += input_lines(self.plan, self.inputs.objections())
+            lines += clock_lines(self.plan, self._ticks)
             lines += obstacle_lines(self.plan, self.moving.objections(self.clock.now))
             if timeout.ends(lines, self.seconds()):
                 return lines

@@ -14,6 +14,7 @@ from kybflow.core.params import named_in
 from kybflow.core.signals import Estimate, Imu, kind_name
 from kybflow.dsl.plan import InputPlan, Plan
 from kybflow.parts.events import PreflightWaits
+from kybflow.runtime.clock import TickCount
 from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.knowledge import REST_TIME_S
 from kybflow.runtime.vehicle.touch_down import START_TOLERANCE, allowed_distance, said_distance
@@ -27,6 +28,8 @@ LINK_AGE_S = 1.0
 MIN_RATE_HZ = 4.0
 """Lowest acceptable rate (Hz) of an estimator's measurements. The slowest stream in use has 5 Hz,
 and its rate appears lower between two measurements."""
+LEAST_TICKS = 0.5
+"""The share of the ticks that the computer must make while the vehicles stand."""
 _HOVER_HEIGHT = 0.3
 """Metres above the vehicle at which its distance from obstacles is checked."""
 
@@ -93,6 +96,19 @@ def input_lines(
         )
         vehicle, well = next(steered, plan.vehicles[0].name), "it is heard, and well"
         yield PreflightResult(vehicle, f"input {own.name}", reason is None, reason or well, own.at)
+
+
+def clock_lines(plan: Plan, ticks: TickCount) -> Iterator[PreflightResult]:
+    """Yield a line about the ticks that the computer made in the last second of the preflight,
+    attributed to the first vehicle. Simulated time is never late."""
+    if plan.simulated:
+        return
+    green, waits, reason = ticks.share >= LEAST_TICKS, None, str(ticks)
+    if not ticks.due:
+        green, waits, reason = False, True, "its ticks are counted for a second"
+    elif not green:
+        reason += ": end other programs, or write a lower `control_rate`"
+    yield PreflightResult(plan.vehicles[0].name, "computer", green, reason, waits=waits)
 
 
 def obstacle_lines(

@@ -73,6 +73,12 @@ def test_dwelling_begins_anew_after_a_break() -> None:
     assert seen == [False, False, False, False, False, True]
 
 
+def test_what_nobody_watched_is_not_dwelt() -> None:
+    """The process hung for two seconds: it sees the condition hold for the first time."""
+    dwell = Dwell()
+    assert [dwell.reached(True, 0.3, dt) for dt in (2.0, 0.1, 0.1, 0.1)] == [False] * 3 + [True]
+
+
 distances = st.floats(0.0, 100.0)
 speeds = st.floats(0.01, 10.0)
 accelerations = st.floats(0.05, 20.0)

@@ -51,7 +51,14 @@ def behavior(name, part, start, end, ended, position=None, velocity=None):
 
 def test_the_summary_has_the_documented_shape():
     summary = summarise(
-        make_plan("mk"), flown_score(), [HELD], Ending(), seed=7, sim_time_s=41.2, wall_time_s=0.8
+        make_plan("mk"),
+        flown_score(),
+        [HELD],
+        Ending(),
+        seed=7,
+        sim_time_s=41.2,
+        wall_time_s=0.8,
+        missed_ticks=3,
     )
     up, up_again = figures(0.035, 0.0353553, 0.04), figures(0.0, 0.0, 0.0)
     behaviors = [
@@ -70,6 +77,7 @@ def test_the_summary_has_the_documented_shape():
         "sim_time_s": 41.2,
         "wall_time_s": 0.8,
         "real_time_factor": 51.5,
+        "missed_ticks": 3,
         "vehicles": {
             "mk": {
                 "final": "ground",

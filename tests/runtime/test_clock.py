@@ -1,6 +1,6 @@
 """The clocks: periods in whole nanoseconds, pacing, late ticks counted and never caught up."""
 
-from kybflow.runtime.clock import SimulatedClock, WallClock
+from kybflow.runtime.clock import SimulatedClock, TickCount, WallClock
 
 
 class Wall:
@@ -37,15 +37,15 @@ def test_a_paced_clock_waits_for_the_wall():
     assert abs(wall.seconds - 101.0) < 1e-6
 
 
-def test_a_wall_clock_counts_a_late_tick_and_leaves_out_what_it_missed():
+def test_a_wall_clock_counts_and_leaves_out_the_ticks_that_it_missed():
     wall = Wall()
     clock = WallClock(250, read=wall.read_ns, wait=wall.wait)
     assert clock.step() == 4_000_000
     wall.seconds += 0.0175
     assert clock.step() == 20_000_000
-    assert clock.late == 1
+    assert clock.missed == 3
     assert clock.step() == 24_000_000
-    assert clock.late == 1
+    assert clock.missed == 3
 
 
 def test_a_stop_while_a_wall_clock_sleeps_counts_in_the_tick_that_follows_it():
@@ -57,6 +57,19 @@ def test_a_stop_while_a_wall_clock_sleeps_counts_in_the_tick_that_follows_it():
     clock = WallClock(250, read=wall.read_ns, wait=wait)
     assert clock.step() == 4_000_000
     assert clock.step() == 408_000_000
-    assert clock.late == 1
+    assert clock.missed == 100
     assert clock.step() == 412_000_000
-    assert clock.late == 1
+    assert clock.missed == 100
+
+
+def test_the_ticks_of_each_second_are_counted_and_a_hang_belongs_to_its_second():
+    wall = Wall()
+    clock = WallClock(100, read=wall.read_ns, wait=wall.wait)
+    ticks, told = TickCount(clock), []
+    for busy in [0.0] * 100 + [0.0251] * 40 + [2.005]:
+        wall.seconds += busy
+        clock.step()
+        if ticks.update():
+            told.append((ticks.made, ticks.due))
+    assert told == [(100, 100), (40, 100), (1, 200)]
+    assert str(ticks) == "the computer made 1 of 200 ticks in 2.0 s"

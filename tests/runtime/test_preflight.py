@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -370,3 +371,39 @@ def test_the_command_says_red_and_invalid(tmp_path):
     assert done.exit_code == 1
     assert "RED    nano  supervisors.battery" in done.output
     assert invoke("preflight", bad).exit_code == 2
+
+
+def late(kept: float):
+    """A clock that makes this share of its ticks, as on a computer that is too slow."""
+
+    class Late(SimulatedClock):
+        def step(self):
+            while (self.now // self.period + 1) * kept % 1.0 >= kept:
+                super().step()
+                self.missed += 1
+            return super().step()
+
+    return lambda plan, pace: Late(plan.control_rate)
+
+
+@pytest.mark.parametrize(("kept", "green"), [(1.0, True), (0.55, True), (0.34, False)])
+def test_a_computer_that_is_too_slow_is_red_before_a_real_vehicle_arms(kept, green, monkeypatch):
+    monkeypatch.setattr("kybflow.api.flight.clock_for", late(kept))
+    line = checks(flight(), simulated=False)["a", "computer"]
+    assert line.green is green
+    made, due = re.findall(r"\d+", line.reason)[:2]
+    assert int(made) / int(due) == pytest.approx(kept, abs=0.01)
+    assert green or "`control_rate`" in line.reason
+
+
+def test_a_late_computer_is_told_and_its_missed_ticks_are_in_the_summary(run, monkeypatch):
+    monkeypatch.setattr("kybflow.api.flight.clock_for", late(0.34))
+    flown, told = run(flight())
+    found = [event for event in told if event.name == "ticks_missed"]
+    assert found[0].time < 1.1 * NS
+    assert found[0].fields["value"] == pytest.approx(0.34, abs=0.01)
+    assert len(found) == 1 + int(flown.summary["sim_time_s"]) // 10
+    assert flown.summary["missed_ticks"] == pytest.approx(
+        0.66 * 250 * flown.summary["sim_time_s"], rel=0.01
+    )
+    assert flown.exit_code == 0

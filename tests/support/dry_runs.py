@@ -161,6 +161,13 @@ class DryRun:
             if tick % 12 == 0:
                 self._sample((now + tick * NS // 250) / NS)
 
+    def hang(self, seconds: float, late_poses: bool = False) -> None:
+        """This process hangs. late_poses: the poses of that time are lost to it."""
+        self.go_on(seconds)
+        self.engine.clock.now += round(seconds * NS)
+        if late_poses:
+            self.session._fleet.members[0]._poses.clear()
+
     def is_safe(self, wide: float = 0.3, high: float = HEIGHT + 0.15) -> bool:
         """It is down, its rotors rest, it has never been far from above its start."""
         assert not self.pilot.state.armed

@@ -58,6 +58,8 @@ def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
         yield f"`{name}` at {seconds:g} s was never given: the run ended before"
     reason = f": {headline(summary['reason'])}" if summary["reason"] else ""
     yield f"{summary['mission']} {summary['outcome']}{reason}"
+    if summary.get("missed_ticks"):
+        yield f"{summary['missed_ticks']} ticks were missed: the computer was late"
     pace, factor = "", summary["real_time_factor"]
     if has_pace and factor is not None:  # one significant digit below 1
         pace = f" ({factor:.0f} x real time)" if factor >= 1.0 else f" ({factor:.1g} x real time)"

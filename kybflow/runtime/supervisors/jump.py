@@ -1,13 +1,13 @@
 """Report a position that jumps from one measurement to the next.
 
 It is checked 50 times a second: when the estimate contains a newer measurement (its `time` minus
-its `age` has increased), its position is compared with the extrapolation of the last estimate,
-r = |p - (p' + v' dt)|. Alarm `jumped` in the air when r is more than `factor` times its running
-average over about 20 checks, more than `at_least`, and more than a dt^2 / 2, which a change of
-motion can explain (a = 5 m/s^2, as in `kybflow.flight.pose_gate`). This is the flying courier's
-check of position differences, made independent of the vehicle's own motion, so that a gap in the
-measurements is no jump. The alarm lasts 1 s. After a change of the estimator the check starts anew.
-World frame, metres.
+its `age` has increased), its position is compared with the extrapolation of the last estimate, r =
+|p - (p' + v' dt)|, whose velocity was measured t ago. Alarm `jumped` in the air when r is more than
+`factor` times its running average over about 20 checks, and more than `at_least` + a t^2 / 2, the
+second part of which a change of motion can explain (a = 5 m/s^2, as in `kybflow.flight.pose_gate`).
+This is the flying courier's check of position differences, made independent of the vehicle's own
+motion, so that a gap in the measurements is no jump. The alarm lasts 1 s. After a change of the
+estimator the check starts anew. World frame, metres.
 
 The default reaction is `land_blind`, because it is unknown which of the two positions is wrong.
 """
@@ -87,12 +87,13 @@ class Jump(Supervisor[JumpParams]):
         if last is None or last.source != estimate.source:
             return None
         t = (estimate.time - last.time) / NS
+        unknown = t + last.age
         x, y, z = last.position
         vx, vy, vz = last.velocity
         step = distance(estimate.position, (x + t * vx, y + t * vy, z + t * vz))
         p, average = self.params, self._average
         self._average += _AVERAGING_SHARE * (step - average)
-        bound = max(p.factor * average, p.at_least, 0.5 * ACCELERATION * t * t)
+        bound = max(p.factor * average, p.at_least + 0.5 * ACCELERATION * unknown * unknown)
         if step <= bound:
             return None
         reason = f"its position jumped by {step:.2f} m, {bound:.2f} m allowed"

@@ -10,14 +10,14 @@ reaction to an alarm, `Reactions.react` carries it out), by a part that failed
 from __future__ import annotations
 
 from kybflow.core.errors import Refused
-from kybflow.core.signals import Reaction, Tick, Time
+from kybflow.core.signals import Alarm, Command, Reaction, Tick, Time
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import AIR, GROUND
 from kybflow.parts.events import ArmingRefused, LandModeRefused
 from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.behavior_runner import BehaviorRunner
 from kybflow.runtime.vehicle.control import Commanded, Control
-from kybflow.runtime.vehicle.failsafe import Failsafe, Reactions
+from kybflow.runtime.vehicle.failsafe import Failsafe, RaisedAlarm, Reactions
 from kybflow.runtime.vehicle.knowledge import Knowledge
 from kybflow.runtime.vehicle.link import HANDED_OVER, RESTING, LinkOut
 from kybflow.runtime.vehicle.requests import Requests
@@ -61,10 +61,8 @@ class Decision:
             command = HANDED_OVER
         try:
             command = self._link.deliver(command, tick.now)
-        except Refused as refusal:  # the vehicle stays on the ground, and the behavior is refused
-            command, reason = RESTING, str(refusal)
-            self._events.emit(ArmingRefused(reason=reason), self._plan.name, runner.state.at)
-            runner.refuse(reason)
+        except Refused as refusal:
+            command = self._unarmed(str(refusal), tick)
         if command.armed is not self._resting.rotors_turn and command is not HANDED_OVER:
             self._resting.turn(command.armed)
         if runner.grip is not None:
@@ -80,6 +78,21 @@ class Decision:
             except Exception as error:  # the next attempt does without the part that raised
                 failure = error
         return (RESTING if self._runner.land_mode is None else HANDED_OVER), None
+
+    def _unarmed(self, reason: str, tick: Tick) -> Command:
+        """Return the command of this tick for a vehicle whose arming failed. On the ground, the
+        behavior is refused. A vehicle that has lifted off meanwhile lands. If its own failsafe or a
+        pilot took it while its rotors turned, `ManualOverride` goes on in the next tick."""
+        runner, link = self._runner, self._link
+        is_taken = link.arming is not None and link.override is not None
+        if self._reactions.airborne and not is_taken:
+            lost = Alarm("control_lost", Reaction.LAND, reason, is_failure=True)
+            self._reactions.react(RaisedAlarm(lost, runner.state.at), tick)
+        elif not (is_taken and link.armed):
+            self._events.emit(ArmingRefused(reason=reason), self._plan.name, runner.state.at)
+            runner.refuse(reason)
+            return RESTING
+        return link.hand_over()
 
     def _grip(self, now: Time) -> None:
         """Open or close the payload's servo if the behavior requests it and it is necessary. If

@@ -36,6 +36,7 @@ from kybflow.runtime.finite import checked_alarm
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.behavior_runner import BehaviorRunner
 from kybflow.runtime.vehicle.link import LinkOut
+from kybflow.world.ground import FRESH_S, height_in_the_air
 
 HOLD = "hold"
 """Given in place of a state: the vehicle comes to rest and holds, with its state frozen."""
@@ -330,9 +331,19 @@ class Reactions:
 
     @property
     def airborne(self) -> bool:
-        """Whether the vehicle is off the ground and its rotors turn, so that it must be landed. A
-        vehicle that is still arming for its take-off is off the ground, but not airborne."""
-        return self._runner.off_ground and self._link.sent.armed
+        """Whether the vehicle is off the ground and its rotors turn. A vehicle that is being armed
+        may lift off by itself, for example while this process hangs: once it reports itself armed,
+        it is on the ground only if a fresh estimate shows it there."""
+        runner, link = self._runner, self._link
+        if not runner.off_ground or link.sent.armed:
+            return runner.off_ground
+        if link.arming is None or not link.armed:
+            return False
+        entry = runner.entry()
+        known = entry.estimate
+        if known is None or known.age > FRESH_S:
+            return True
+        return height_in_the_air(entry.context, known, ()) > 0.0
 
     def falls(self, now: Time) -> bool:
         """Return whether the rotors were cut so recently that the vehicle may still fall."""
@@ -356,6 +367,8 @@ class Reactions:
             runner.freeze("brake")
         else:
             cuts = reaction is Reaction.CUT
+            if not self._link.sent.armed:
+                self._link.hand_over()  # it has lifted off while it was being armed
             if cuts:
                 self._cut = tick.now
                 self._link.cut(tick.now)

@@ -238,12 +238,12 @@ class LinkOut:
         The first armed command arms the vehicle, which may take seconds; until then nothing is
         sent, and `RESTING` is returned. Raises Refused if the vehicle refuses to arm."""
         if command is not HANDED_OVER:
-            self.arming = None
             if command.armed and not self.sent.armed and self._arm is not None:
                 self.sent = RESTING
                 if not self._guard.ask(self._arm, command, now):
                     self.arming = command
                     return RESTING
+            self.arming = None
             try:
                 self._send(command, now)
             except Exception as error:  # a driver may raise anything
@@ -256,7 +256,8 @@ class LinkOut:
         self.arming = None
 
     def hand_over(self) -> Command:
-        """Send nothing, because a pilot flies the vehicle; return the command to record."""
+        """Send nothing, because a pilot or the vehicle itself flies; return the command to
+        record."""
         self.sent = HANDED_OVER
         return HANDED_OVER
 

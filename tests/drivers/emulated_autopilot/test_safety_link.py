@@ -140,6 +140,27 @@ def test_when_the_program_dies_it_lands_and_stops_its_rotors(autopilot, tmp_path
     assert down - WRONG < 8.0
 
 
+@pytest.mark.parametrize(
+    ("autopilot", "at", "late_poses"),
+    [
+        ("ardupilot", 2.2, False),
+        ("ardupilot", 2.2, True),
+        pytest.param("ardupilot", 1.3, False, marks=thorough),
+        pytest.param("px4", 3.5, False, marks=thorough),
+        pytest.param("px4", 3.5, True, marks=thorough),
+    ],
+)
+def test_one_that_lifts_off_while_the_program_hangs_is_landed(autopilot, at, late_poses, tmp_path):
+    """Its arming is under way when the hang begins; it is in the air, in its own failsafe, when the
+    hang ends."""
+    hang = (at, lambda flight: flight.hang(1.8, late_poses))
+    flight = DryRun(autopilot, tmp_path, deeds=[hang])
+    assert flight.is_safe()
+    assert flight.path[-1] == "fault"
+    assert flight.only("landed").time > flight.only("failsafe_started").time
+    assert flight.events("arming_refused") == flight.events("foreign_command") == []
+
+
 @pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=thorough), "ardupilot"])
 def test_a_program_that_is_late_does_not_come_between_an_autopilot_and_its_rotors(
     autopilot, tmp_path

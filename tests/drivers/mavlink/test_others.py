@@ -89,12 +89,17 @@ def test_a_single_odd_target_is_not_told(others: OtherCommanders) -> None:
     assert others.take() == []
 
 
-def test_what_was_sent_long_ago_counts_no_more(others: OtherCommanders) -> None:
+def test_a_setpoint_is_ours_for_a_second_after_the_next_however_long_it_was_the_last(
+    others: OtherCommanders,
+) -> None:
+    """While this process hangs, the autopilot follows the last one, and its reports wait here."""
     others.sent(sent(POSITION, *HERE, *STILL, *STILL), 0)
     others.sent(sent(POSITION, 3.0, 0.0, -1.0, *STILL, *STILL), 2 * NS)
-    for step in range(3):
-        others.follows(followed(POSITION, *HERE, *STILL, *STILL), 2 * NS + step * NS // 5)
-    assert len(others.take()) == 1
+    for late, found in (0.4, 0), (1.1, 1):
+        for step in range(3):
+            now = 2 * NS + round(late * NS) + step * NS // 5
+            others.follows(followed(POSITION, *HERE, *STILL, *STILL), now)
+        assert len(others.take()) == found
 
 
 def test_its_rest_once_set_points_have_stopped_is_nobody_elses(others: OtherCommanders) -> None:

@@ -1,5 +1,6 @@
 """jump: heard when a measurement is not where the last one's motion leads."""
 
+import pytest
 from part_bench import SITE, estimate, tick
 
 from kybflow.core.signals import NS, Alarm, Reaction, Tick
@@ -22,7 +23,11 @@ def test_a_step_of_half_a_metre_asks_to_land_blind_for_a_second():
     steady = [seen(i * PERIOD, 0.0) for i in range(20)]
     alarms = heard(*steady, seen(0.2, 0.5), seen(0.21, 0.5), seen(1.19, 0.5), seen(1.21, 0.5))
     expected = Alarm(
-        "jumped", Reaction.LAND_BLIND, "its position jumped by 0.50 m, 0.10 m allowed", 0.5, 0.1
+        "jumped",
+        Reaction.LAND_BLIND,
+        "its position jumped by 0.50 m, 0.10 m allowed",
+        0.5,
+        pytest.approx(0.10025),
     )
     assert alarms == [None] * 20 + [expected, expected, expected, None]
 
@@ -36,6 +41,17 @@ def test_a_vehicle_that_stopped_while_nobody_looked_has_not_jumped():
     """The program hung for 1.6 s, in which a vehicle that climbed at 0.5 m/s was landed."""
     flown = [seen(i * PERIOD, 0.5 * i * PERIOD, speed=0.5) for i in range(20)]
     assert heard(*flown, seen(1.8, 0.1), seen(1.81, 0.1))[20:] == [None, None]
+
+
+def test_the_bound_grows_with_the_time_since_the_velocity_was_measured():
+    """Within 0.18 s, a vehicle that brakes at 5 m/s^2 ends 8 cm short of where it was going; the
+    usual 10 cm are for the noise."""
+    flown = [seen(i * PERIOD, 0.0) for i in range(20)]
+    assert heard(*flown, seen(0.37, 0.17))[-1] is None
+    assert heard(*flown, seen(0.37, 0.19))[-1] is not None
+    old = [seen(i * PERIOD, 0.0, age=0.1) for i in range(20)]
+    assert heard(*old, seen(0.27, 0.15))[-1] is None
+    assert heard(*flown, seen(0.27, 0.15))[-1] is not None
 
 
 def test_below_at_least_nothing_is_a_jump():

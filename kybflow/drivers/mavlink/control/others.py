@@ -6,8 +6,8 @@ and forward only other systems' heartbeats to us. This module therefore watches 
 does:
 
 - the target that it reports (POSITION_TARGET_LOCAL_NED) while it follows setpoints in the air. The
-  first field used, of position, velocity and acceleration, must be near that of a setpoint that we
-  sent in the last second, or of our last one. If two programs send setpoints, both firmwares
+  first field used, of position, velocity and acceleration, must be near that of a setpoint of ours
+  that no newer one had replaced a second ago. If two programs send setpoints, both firmwares
   alternate between them, and report which they follow. A target at rest is ignored: Copter rests
   once setpoints stop. So is an acceleration of 100 m/s^2 downwards: PX4 replaces every target with
   it while it detects ground contact;
@@ -42,7 +42,7 @@ STEERING = (
 FIRST_REQUEST_COMMAND = 500
 """From this MAV_CMD on, commands request data or set up a device; lower ones make a vehicle act."""
 SETPOINT_VALIDITY_NS: Time = NS
-"""How long the autopilot may follow a setpoint after we sent it."""
+"""How long the autopilot may follow a setpoint after we sent the next one."""
 MOST_SENT = 256
 TARGET_TOLERANCES = (0.3, 0.3, 1.0)
 """The largest distance between the target and our setpoint: metres, m/s, m/s^2."""
@@ -115,10 +115,11 @@ class OtherCommanders:
         self._foreign.clear()
 
     def _is_ours(self, target: _Target, now: Time) -> bool:
-        last = self._sent[-1][0] if self._sent else now
+        replaced = now
         for sent, message in reversed(self._sent):
-            if now - sent > SETPOINT_VALIDITY_NS and sent != last:
+            if now - replaced > SETPOINT_VALIDITY_NS:
                 break
+            replaced = sent
             ours = _target(message)
             if ours is None or ours.field != target.field:
                 continue
