@@ -225,10 +225,7 @@ def assemble(
     links, bodies, fleet = _links(devices), Bodies(), EstimateHistory()
     inputs = Inputs(plan.inputs, devices.inputs, events, note)
     behaviors = {state.behavior.cls for v in plan.vehicles for state in v.states.values()}
-    listening = [cls for cls in behaviors if cls.hears]
-    for cls in listening:
-        cls.prepare()
-    broadcasts = Broadcasts() if listening else None
+    broadcasts = Broadcasts() if any(cls.hears for cls in behaviors) else None
     moving = MovingObstacles(plan.moving, events, devices.watching)
     settable = Options(devices.vehicles, events)
     for vehicle in plan.vehicles:

@@ -6,7 +6,8 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import IO, TYPE_CHECKING, Any, TypeVar, cast
 
 if TYPE_CHECKING:
@@ -94,6 +95,26 @@ def printer(stream: IO[str]) -> Callable[[str], None]:
         guarded.flush()
 
     return write
+
+
+@contextmanager
+def notices() -> Iterator[None]:
+    """While entered, print to stderr what the simulator logs about its own work, if a person reads
+    it there."""
+    import logging  # which a command that flies nothing does without
+
+    if not sys.stderr.isatty():
+        yield
+        return
+    logger, handler = logging.getLogger("kybflow"), logging.StreamHandler()
+    level = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+        logger.removeHandler(handler)
 
 
 def console(stream: IO[str]) -> Console:

@@ -238,10 +238,6 @@ class Behavior(Part[P]):
         raise NotImplementedError
 
     @classmethod
-    def prepare(cls) -> None:
-        """Load slow dependencies. Called before take-off for behaviors with `hears`."""
-
-    @classmethod
     def objections(cls, params: P, context: VehicleContext) -> Iterator[Objection]:
         """Yield why these parameters make no sense for the vehicle of `context`."""
         yield from ()

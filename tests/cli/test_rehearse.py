@@ -134,11 +134,12 @@ def test_the_preflight_has_a_line_of_it(mission: str) -> None:
     )
 
 
-def test_it_needs_no_simulator() -> None:
+@pytest.mark.parametrize("name", ["first_flight", "formation"])
+def test_it_needs_no_simulator(name: str) -> None:
     code = f"""
 import sys
 from kybflow.cli.app import main
-sys.argv = ["kybflow", "rehearse", {FIRST!r}]
+sys.argv = ["kybflow", "rehearse", {str(MISSIONS / f"{name}.yaml")!r}]
 try: main()
 except SystemExit: pass
 print(*sys.modules)

@@ -53,6 +53,11 @@ def test_what_flies_nothing_loads_nothing_that_flies(words: list[str]) -> None:
     assert "kybflow.cli.app" in modules
 
 
+def test_no_mission_here_needs_more_than_numpy_to_be_validated() -> None:
+    modules = imported(IMPORTED, "validate", str(MISSIONS))
+    assert modules & (NEVER | FLIES) == {"numpy"}
+
+
 def test_a_command_does_not_load_the_others() -> None:
     modules = imported(IMPORTED, "validate", EIGHT)
     assert {m for m in modules if m.startswith("kybflow.cli.commands.")} == {

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Exit, Option
 
 from kybflow.cli import arguments
-from kybflow.cli.output import console, echo, printer
+from kybflow.cli.output import console, echo, notices, printer
 from kybflow.core.errors import FAILED, INTERRUPTED, INVALID, KybflowError
 
 if TYPE_CHECKING:
@@ -153,6 +153,7 @@ def fly_plan(
                 listeners.append(panel.on_event)
                 observers.append(panel.on_tick)
                 servers += [] if panel.commander is None else [panel.commander.serve]
+            stack.enter_context(notices())
             flown = fly(plan, request, listeners, observers, servers)
     except KybflowError as error:
         err(f"error: {error}")

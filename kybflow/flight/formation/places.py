@@ -91,6 +91,8 @@ _ANGLES, _ROUNDS = 12, 4
 _MIN_GAIN = 1e-9
 _LENGTH_STEP = 1e-6
 """Resolution of squared path lengths, m^2, so that rounding doesn't decide between equal ones."""
+_FREE = -1
+"""The row of a column, or the column of a row, that is not assigned yet."""
 
 
 class Laid(NamedTuple):
@@ -112,11 +114,49 @@ def turned_by(angle: float, point: Vec3) -> Vec3:
 def assigned(here: Sequence[Vec3], places: Sequence[Vec3]) -> tuple[int, ...]:
     """Return the number of each vehicle's place. There must be at least as many places as
     vehicles."""
-    from scipy.optimize import linear_sum_assignment  # slow to load, and seldom needed
+    return cheapest([[_squared(a, b) for b in places] for a in here])
 
-    costs = [[_squared(a, b) for b in places] for a in here]
-    _, columns = linear_sum_assignment(costs)
-    return tuple(int(column) for column in columns)
+
+def cheapest(costs: Sequence[Sequence[float]]) -> tuple[int, ...]:
+    """Return the column of each row in the assignment with the least sum of costs. costs: rows of
+    equal lengths, at least as long as there are rows.
+
+    Shortest augmenting paths (Crouse, IEEE Trans. Aerosp. Electron. Syst. 2016): the rows are
+    assigned one after the other, each along the path that costs least more, with a price for each
+    row and column. Among equal assignments, it finds that of scipy's `linear_sum_assignment`, which
+    takes longer to load than 64 vehicles to be assigned.
+    """
+    rows, columns = len(costs), len(costs[0])
+    of_row, of_column = [_FREE] * rows, [_FREE] * columns
+    row_prices, column_prices = [0.0] * rows, [0.0] * columns
+    for first in range(rows):
+        before, lengths, passed = [_FREE] * columns, [inf] * columns, list[int]()
+        left, row, reached, column = list(range(columns))[::-1], first, 0.0, _FREE
+        while True:
+            at, least = _FREE, inf
+            for i, column in enumerate(left):
+                length = reached + costs[row][column] - row_prices[row] - column_prices[column]
+                if length < lengths[column]:
+                    before[column], lengths[column] = row, length
+                length = lengths[column]
+                if length < least or (length == least and of_column[column] == _FREE):
+                    at, least = i, length
+            reached, column = least, left[at]
+            left[at] = left[-1]
+            left.pop()
+            row = of_column[column]
+            if row == _FREE:
+                break
+            passed.append(column)
+        row_prices[first] += reached
+        for other in passed:
+            row_prices[of_column[other]] += reached - lengths[other]
+            column_prices[other] -= reached - lengths[other]
+        while row != first:
+            row = before[column]
+            of_column[column] = row
+            of_row[row], column = column, of_row[row]
+    return tuple(of_row)
 
 
 @lru_cache(maxsize=4)
@@ -173,11 +213,6 @@ def _squared(a: Vec3, b: Vec3) -> float:
     """Return the squared distance, rounded to multiples of `_LENGTH_STEP`."""
     x, y, z = sub(a, b)
     return round((x * x + y * y + z * z) / _LENGTH_STEP) * _LENGTH_STEP
-
-
-def prepare() -> None:
-    """Load the solver, which is otherwise loaded on first use."""
-    assigned(((0.0, 0.0, 0.0),), ((0.0, 0.0, 0.0),))
 
 
 NEAR_PLACES = 8

@@ -15,6 +15,7 @@ import numpy
 import pytest
 from sim_worlds import FRAME, PERIOD, QUIET, STOPPED, lift, opened, push, seat, thrust, world
 
+from kybflow.cli.output import notices
 from kybflow.core.geometry import from_euler, from_heading
 from kybflow.core.signals import NS, Imu
 from kybflow.drivers.sim import SimParams
@@ -201,6 +202,20 @@ def test_machine_code_is_kept_where_it_can_be_written(compiler, tmp_path):
     _kept("another law")
     assert len(compiler) == 2
     assert len(list((tmp_path / "kept").iterdir())) == 2
+
+
+@needs_numba
+@pytest.mark.parametrize("is_read", [True, False])
+def test_a_person_is_told_once_that_it_compiles(compiler, capsys, monkeypatch, is_read):
+    from kybflow.drivers.sim.steps.compiled import _kept
+
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: is_read)
+    with notices():
+        _kept("a law")
+        _kept("a law")
+    _kept("another law")
+    told = capsys.readouterr().err.splitlines()
+    assert [line.split(",")[0] for line in told] == ["compiling the physics steps"] * is_read
 
 
 @needs_numba

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import random
 from itertools import permutations
 from math import dist, pi
 
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy.optimize import linear_sum_assignment
 
 from kybflow.core.geometry import Vec3, add, wrap
 from kybflow.flight.formation.places import (
     assigned,
     centroid,
+    cheapest,
     closest,
     laid,
     objection,
@@ -61,6 +64,15 @@ def test_no_other_assignment_has_shorter_squared_ways(here: list[Vec3]) -> None:
 
     assert sorted(taken) == [0, 1, 2, 3]
     assert cost(taken) <= min(map(cost, permutations(range(4)))) + 1e-5
+
+
+def test_the_cheapest_assignment_is_that_of_scipy_also_among_equal_ones() -> None:
+    draw = random.Random(1)
+    for _ in range(300):
+        rows, most = draw.randint(1, 12), draw.choice((1, 4, 10**6))  # the fewer, the more equal
+        costs = [[draw.randint(0, most) for _ in range(rows + draw.randint(0, 3))]]
+        costs += [[draw.randint(0, most) for _ in costs[0]] for _ in range(rows - 1)]
+        assert cheapest(costs) == tuple(linear_sum_assignment(costs)[1])
 
 
 @settings(max_examples=60, deadline=None)

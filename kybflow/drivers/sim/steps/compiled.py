@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import logging
 import os
 import struct
 from collections.abc import Sequence
@@ -111,14 +112,17 @@ def _fingerprint(laws: Sequence[Any]) -> str:
 
 
 def _kept(fingerprint: str) -> bytes:
-    """Return the kernel's machine code from the cache. If it is missing or damaged there, compile
-    and cache it."""
+    """Return the kernel's machine code from the cache. If it is missing or damaged there, log that
+    it is compiled, compile it and cache it."""
     files = [place.expanduser() / f"steps-{fingerprint[:32]}.o" for place in PLACES]
     for file in files:
         with suppress(OSError):
             kept = file.read_bytes()
             if kept[:_DIGEST] == _digest(kept[_DIGEST:]):
                 return kept[_DIGEST:]
+    logging.getLogger(__name__).info(
+        "compiling the physics steps, once per installation: takes some seconds"
+    )
     from kybflow.drivers.sim.steps.kernel import machine_code
 
     code = machine_code(_NAME)

@@ -254,10 +254,6 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             return Emitting(output, self._unemitted.popleft())
         return output
 
-    @classmethod
-    def prepare(cls) -> None:
-        places.prepare()
-
     def _go_on(self, team: Team, tick: Tick) -> None:
         """Keep the place that the vehicle had in this formation just before, in another state."""
         before = self._members.own_news(tick)
