@@ -37,7 +37,7 @@ def in_rows(spacing: float, *, avoiding: bool) -> Plan:
 
 
 @needs_repeatable_counts
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_sixteen_cost_less_than_twice_a_tick_and_those_far_away_nearly_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -62,7 +62,7 @@ def cost(rows: int, do: str, processors: str, folder: Path) -> Mapping[str, floa
 
 
 @needs_repeatable_counts
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_sixteen_cost_less_than_twice_a_tick_and_more_of_them_no_more_each(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -56,7 +56,7 @@ def test_nothing_is_said_of_sensible_variants(missions: list[Mission], tmp_path:
 
 every = pytest.mark.parametrize(
     "nth",
-    [pytest.param(4, marks=pytest.mark.thorough), pytest.param(1, marks=pytest.mark.slow)],
+    [pytest.param(8, marks=pytest.mark.thorough), pytest.param(1, marks=pytest.mark.slow)],
 )
 
 

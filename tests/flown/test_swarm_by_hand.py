@@ -103,7 +103,7 @@ def test_four_px4_by_a_gamepad(tmp_path: Path) -> None:
     assert not [event for event in told if event.name == "input_lost"]
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_four_px4_by_a_haptic_device_that_lets_the_hand_feel_the_swarm(tmp_path: Path) -> None:
     flight, _ = swarm_flight("haptic", tmp_path / "run")
     rows = parse(read_earlier_run(flight.folder).inputs["stick"]).rows
