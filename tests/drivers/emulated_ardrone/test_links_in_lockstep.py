@@ -15,7 +15,7 @@ from kybflow.core.signals import NS
 from kybflow.drivers.ardrone.navdata import Phase
 from kybflow.drivers.emulated_ardrone.drone import OnboardDrone
 
-MORE = (50, 100)
+MORE = [pytest.param(rate, marks=pytest.mark.slow) for rate in (50, 100)]
 FAULT = "faults:\n  - {{at: {at}, on: a, inject: link_cut, for: {lasts}}}\n"
 
 
@@ -27,7 +27,7 @@ def test_a_bad_link_disconnects_nobody(rate, tmp_path, monkeypatch):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("rate", [30, *(pytest.param(r, marks=pytest.mark.slow) for r in MORE), 200])
+@pytest.mark.parametrize("rate", [30, *MORE, 200])
 def test_three_drones_for_a_minute_on_bad_links(rate, tmp_path, monkeypatch):
     ages = AgesOnReceipt(monkeypatch)
     text = mission(["a", "b", "c"], 60.0)
