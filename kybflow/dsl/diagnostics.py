@@ -48,7 +48,7 @@ class Span(NamedTuple):
         return not self == other
 
     def __hash__(self) -> int:
-        return hash(self[:_COMPARED])
+        return hash(self[:5])  # not `via` and `used`, whose spans contain further ones
 
     @property
     def value(self) -> Span | None:
