@@ -8,11 +8,11 @@ as to find them by their lengths.
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from struct import Struct
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from kybflow.recording.layout import METADATA, PACKAGE, definition, dtype_spec, kept_every
 
 TICK = np.dtype(dtype_spec("Tick"))
-_RECORD, _MESSAGE = Struct("<BQ"), Struct("<HIQQ")
+_RECORD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 """A record's opcode and length; a message's channel, sequence, log time and publish time."""
 
 
@@ -100,7 +100,7 @@ def read_recording(path: Path) -> Recording:
                     _read_chunk(path, stream.read(length), channels)
                 elif isinstance(record, Metadata) and record.name == METADATA:
                     mission.update(json.loads(record.metadata["plan"]))
-        except EndOfFile:
+        except (EndOfFile, struct.error):
             pass  # the run was killed, or is still flying
     if not mission:
         raise ValueError(f"`{path.name}` has no metadata of a mission")

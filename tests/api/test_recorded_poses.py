@@ -20,9 +20,16 @@ def test_poses_are_read_back(tmp_path: Path) -> None:
     assert rows[-1, 0] == pytest.approx(7.0, abs=0.1)
     assert rows[-1, 4:].tolist() == [1.0, 0.0, 0.0, 0.0]
     assert len(read_recorded_poses(run, "nobody")) == 0
+
+
+def test_of_a_killed_run_they_are_read_as_far_as_they_go(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "run", seconds=7.0, rate=50)
     whole = (run / LOG).read_bytes()
-    (run / LOG).write_bytes(whole[: len(whole) * 3 // 4])
-    assert len(read_recorded_poses(run, "mk")) <= len(rows)
+    rows = read_recorded_poses(run, "mk")
+    for cut in (len(whole) * 3 // 4, *range(len(whole) - 300, len(whole))):
+        (run / LOG).write_bytes(whole[:cut])
+        found = read_recorded_poses(run, "mk")
+        assert found.tolist() == rows[: len(found)].tolist()
 
 
 def test_what_is_no_recording_is_told(tmp_path: Path) -> None:
