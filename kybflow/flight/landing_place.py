@@ -1,20 +1,25 @@
-"""Finds where a vehicle can descend without landing on another one. World frame, metres.
+"""Finds where a vehicle can descend without landing on another one or on the edge of an obstacle.
+World frame, metres.
 
 A vehicle is under another if it is lower and their centres are horizontally closer than half the
-sum of their diameters plus 15 cm. A place beside it is searched on circles around the upper
-vehicle, the nearest first, and on each circle first in the direction away from the vehicle below. A
-place must be inside the fence, and the paths to it and down from it must be clear of obstacles and
-of all known vehicles.
+sum of their diameters plus 15 cm. An obstacle's edge is under a vehicle if, within half its
+diameter plus 15 cm, the heights on which the vehicle would stand differ by more than 10 cm; a table
+that carries all of that has no edge there, nor has the place of the vehicle's start. A place beside
+it is searched on circles around the upper vehicle, the nearest first, and on each circle first in
+the direction away from the vehicle or edge below. A place must be inside the fence, and the paths
+to it and down from it must be clear of obstacles and of all known vehicles.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from math import atan2, cos, hypot, pi, sin
+from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import Estimate
-from kybflow.world.vehicle_context import VehicleContext
+from kybflow.world.ground import STANDS
+from kybflow.world.vehicle_context import LEGS, VehicleContext
 
 _MARGIN = 0.15
 _CLEARANCE = 0.2
@@ -24,26 +29,62 @@ _STEP, _CIRCLES = 0.25, 12
 _DIRECTIONS = 16
 _SAMPLES = 8
 """Points of a path that are checked."""
+_EDGE = 0.1
+"""Height of a step on which a vehicle can't stand."""
 
 Fleet = Mapping[str, Estimate | None]
 
 
-def vehicle_below(context: VehicleContext, here: Vec3, fleet: Fleet) -> str | None:
-    """Return the name of the nearest vehicle under the position `here`, or None."""
+class Below(NamedTuple):
+    """What a descending vehicle would land on. words: what it is, for a message. away: the
+    direction away from it, rad, counterclockwise from x. is_fixed: whether it will not go away."""
+
+    words: str
+    away: float
+    is_fixed: bool
+
+
+def what_is_below(context: VehicleContext, here: Vec3, fleet: Fleet) -> Below | None:
+    """Return the nearest vehicle under the position `here`, else the edge of an obstacle under it,
+    else None."""
     found = [
-        (apart, name)
+        (apart, name, other)
         for name, other, apart in _others(context, here, fleet)
         if other[2] < here[2] and apart < _needed(context, name)
     ]
-    return min(found)[1] if found else None
+    if not found:
+        return _edge_below(context, here)
+    _, name, other = min(found)
+    return Below(f"`{name}`", atan2(here[1] - other[1], here[0] - other[0]), False)
 
 
-def place_beside(context: VehicleContext, here: Vec3, fleet: Fleet, below: str) -> Vec3 | None:
-    """Return the nearest position at the height of `here` from which the vehicle can descend, or
-    None. below: the name of the vehicle that is in the way."""
-    other = fleet[below]
+def _edge_below(context: VehicleContext, here: Vec3) -> Below | None:
+    """Return the edge of the highest obstacle under `here`, or None if that carries the whole
+    vehicle."""
     x, y, z = here
-    away = 0.0 if other is None else atan2(y - other.position[1], x - other.position[0])
+    reach, start = 0.5 * context.airframe.diameter + _MARGIN, context.start
+    under = {}
+    for name, shape in context.obstacles.items():
+        top = shape.top(x, y, reach)
+        if _EDGE < top + LEGS <= z + STANDS and shape.distance((x, y, top)) < reach:
+            under[name] = top
+    if not under or hypot(x - start[0], y - start[1]) < _MARGIN:
+        return None
+    name = max(under, key=under.__getitem__)
+    east = north = 0.0
+    carried = True
+    for i in range(_DIRECTIONS):
+        cx, cy = cos(2.0 * pi * i / _DIRECTIONS), sin(2.0 * pi * i / _DIRECTIONS)
+        px, py = x + reach * cx, y + reach * cy
+        if all(context.obstacles[n].top(px, py, 0.0) < under[name] - _EDGE for n in under):
+            east, north, carried = east + cx, north + cy, False
+    return None if carried else Below(f"an edge of `{name}`", atan2(north, east), True)
+
+
+def place_beside(context: VehicleContext, here: Vec3, fleet: Fleet, away: float) -> Vec3 | None:
+    """Return the nearest position at the height of `here` from which the vehicle can descend, or
+    None. away: the direction that is tried first, rad."""
+    x, y, z = here
     for circle in range(1, _CIRCLES + 1):
         for turn in range(_DIRECTIONS):
             side = (turn + 1) // 2 * (-1) ** turn
@@ -69,8 +110,14 @@ def _is_free(context: VehicleContext, here: Vec3, place: Vec3, fleet: Fleet) -> 
         for low, at, high in zip(fence.low[:2], place[:2], fence.high[:2], strict=True)
     ):
         return False
-    points = [*way, *_between(place, ground)]
-    return all(shape.distance(p) >= keep for shape in context.obstacles.values() for p in points)
+    down = [*_between(place, ground)]
+    for shape in context.obstacles.values():
+        near = min(keep, shape.distance(here))
+        if any(shape.distance(p) < near for p in way) or any(
+            shape.distance(p) < keep for p in down
+        ):
+            return False
+    return True
 
 
 def _others(context: VehicleContext, here: Vec3, fleet: Fleet) -> Iterator[tuple[str, Vec3, float]]:

@@ -12,8 +12,9 @@ from part_bench import estimate
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import Estimate
-from kybflow.flight.landing_place import place_beside, vehicle_below
-from kybflow.world.shapes import Box
+from kybflow.flight.landing_place import place_beside, what_is_below
+from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
+from kybflow.world.vehicle_context import VehicleContext
 
 HERE = (0.0, 0.0, 1.2)
 NEEDED = CONTEXT.airframe.diameter + 0.15
@@ -22,6 +23,11 @@ NEEDED = CONTEXT.airframe.diameter + 0.15
 def fleet(**others: Vec3) -> dict[str, Estimate | None]:
     own = {CONTEXT.vehicle: estimate(HERE), "unknown": None}
     return own | {name: estimate(position) for name, position in others.items()}
+
+
+def beside(context: VehicleContext, fleet: dict[str, Estimate | None], here: Vec3 = HERE):
+    below = what_is_below(context, here, fleet)
+    return place_beside(context, here, fleet, 0.0 if below is None else below.away)
 
 
 @pytest.mark.parametrize(
@@ -35,11 +41,12 @@ def fleet(**others: Vec3) -> dict[str, Estimate | None]:
     ],
 )
 def test_who_is_below(others: dict[str, Vec3], below: str | None) -> None:
-    assert below == vehicle_below(CONTEXT, HERE, fleet(**others))
+    found = what_is_below(CONTEXT, HERE, fleet(**others))
+    assert (found and found.words) == (below and f"`{below}`")
 
 
 def test_the_place_beside_is_away_from_the_one_below() -> None:
-    place = place_beside(CONTEXT, HERE, fleet(b=(0.1, 0.0, 0.4)), "b")
+    place = beside(CONTEXT, fleet(b=(0.1, 0.0, 0.4)))
     assert place == pytest.approx((-0.25, 0.0, 1.2))
 
 
@@ -52,10 +59,10 @@ def test_nobody_is_below_the_place_and_nobody_comes_nearer_on_the_way(
     below: Vec3, rest: list[Vec3]
 ) -> None:
     others = {"b": below, **{f"c{i}": at for i, at in enumerate(rest)}}
-    place = place_beside(CONTEXT, HERE, fleet(**others), "b")
+    place = beside(CONTEXT, fleet(**others))
     if place is None:
         return
-    assert vehicle_below(CONTEXT, place, fleet(**others)) is None
+    assert what_is_below(CONTEXT, place, fleet(**others)) is None
     for x, y, z in others.values():
         assert hypot(place[0] - x, place[1] - y) >= NEEDED
         now = distance(HERE, (x, y, z))
@@ -68,7 +75,7 @@ def test_the_place_is_inside_the_fence_and_clear_of_obstacles() -> None:
     fence = Box((-0.4, -3.0, 0.0), (3.0, 3.0, 2.0))
     wall = Box((0.5, -3.0, 0.0), (0.6, 3.0, 2.0))
     context = CONTEXT._replace(fence=fence, obstacles={"wall": wall})
-    x, y, _ = place_beside(context, HERE, fleet(b=(0.0, 0.1, 0.0)), "b") or HERE
+    x, y, _ = beside(context, fleet(b=(0.0, 0.1, 0.0))) or HERE
     keep = 0.5 * context.airframe.diameter + 0.2
     assert -0.4 + keep <= x <= 0.5 - keep
     assert y <= 0.1 - NEEDED
@@ -76,4 +83,59 @@ def test_the_place_is_inside_the_fence_and_clear_of_obstacles() -> None:
 
 def test_in_a_cage_with_no_room_there_is_none() -> None:
     context = CONTEXT._replace(fence=Box((-0.5, -0.5, 0.0), (0.5, 0.5, 2.0)))
-    assert place_beside(context, HERE, fleet(b=(0.0, 0.0, 0.0)), "b") is None
+    assert beside(context, fleet(b=(0.0, 0.0, 0.0))) is None
+
+
+TABLE = Box((-0.5, -0.5, 0.0), (0.5, 0.5, 0.6))
+
+
+@pytest.mark.parametrize(
+    ("shape", "at", "is_edge"),
+    [
+        (TABLE, (0.5, 0.0, 1.2), True),
+        (TABLE, (0.7, 0.0, 1.2), True),
+        (TABLE, (0.5, 0.5, 0.65), True),
+        (TABLE, (0.0, 0.0, 1.2), False),
+        (TABLE, (0.2, -0.2, 0.65), False),
+        (TABLE, (0.8, 0.0, 1.2), False),
+        (TABLE, (0.7, 0.0, 0.4), False),
+        (Box((-0.5, -0.5, -0.1), (0.5, 0.5, 0.02)), (0.5, 0.0, 1.2), False),
+        (Cylinder((0.0, 0.0, 0.0), 0.05, 0.8), (0.1, 0.0, 1.2), True),
+        (Sphere((0.0, 0.0, 0.3), 0.3), (0.0, 0.0, 1.2), True),
+        (Plane((0.0, 0.0, 0.5), (0.0, 0.0, 1.0)), (0.0, 0.0, 1.2), False),
+        (Plane((0.2, 0.0, 0.0), (-1.0, 0.0, 0.0)), (0.0, 0.0, 1.2), False),
+    ],
+)
+def test_an_edge_below_is_one_that_does_not_carry_all_of_it(
+    shape: Shape, at: Vec3, is_edge: bool
+) -> None:
+    context = CONTEXT._replace(start=(-2.0, 0.0, 0.0), obstacles={"thing": shape})
+    below = what_is_below(context, at, {})
+    assert (below is not None) is is_edge
+    if below is not None:
+        assert (below.words, below.is_fixed) == ("an edge of `thing`", True)
+
+
+def test_two_tables_side_by_side_have_no_edge_between_them() -> None:
+    other = Box((0.5, -0.5, 0.0), (1.5, 0.5, 0.62))
+    context = CONTEXT._replace(start=(-2.0, 0.0, 0.0), obstacles={"one": TABLE, "two": other})
+    assert what_is_below(context, (0.5, 0.0, 1.2), {}) is None
+
+
+def test_where_it_stood_at_its_start_there_is_no_edge() -> None:
+    context = CONTEXT._replace(start=(0.5, 0.0, 0.65), obstacles={"table": TABLE})
+    assert what_is_below(context, (0.55, 0.0, 1.2), {}) is None
+
+
+@pytest.mark.parametrize("height", [1.2, 0.7])
+@given(st.floats(-0.75, 0.75), st.floats(-0.75, 0.75))
+def test_a_place_beside_an_edge_is_free_of_edges(height: float, x: float, y: float) -> None:
+    context = CONTEXT._replace(start=(-2.0, 0.0, 0.0), obstacles={"table": TABLE})
+    here = (x, y, height)
+    if what_is_below(context, here, {}) is None:
+        return
+    place = beside(context, {}, here)
+    assert place is not None
+    assert what_is_below(context, place, {}) is None
+    assert TABLE.distance((*place[:2], 0.3)) >= 0.5 * context.airframe.diameter + 0.2
+    assert distance(place, here) < 1.3

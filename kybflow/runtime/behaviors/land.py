@@ -23,7 +23,9 @@ follows then needs no height.
 
 It does not land on another vehicle (`kybflow.flight.landing_place`): the descent pauses while one
 is below. Without a `position` it moves to a free place beside that vehicle; with one it waits for
-`patience` and then fails.
+`patience` and then fails. Without a `position` it does not land on the edge of an obstacle of the
+world either: it moves to a free place beside it. Where there is none it says so, waits for
+`patience` and then descends, because the edge won't go away and a landing must end on the ground.
 
 If the vehicle is already on the ground, the behavior ends at once. Its last setpoint is IDLE. A
 velocity at entry is reduced to zero on the way. World frame, metres; the heading is kept.
@@ -36,7 +38,7 @@ from math import hypot, sqrt
 from kybflow.core.geometry import distance
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Duration, Length, Position, Speed, Vec3
-from kybflow.flight.landing_place import place_beside, vehicle_below
+from kybflow.flight.landing_place import Below, place_beside, what_is_below
 from kybflow.flight.motion import (
     COAST_ACCELERATION,
     IDLE,
@@ -121,7 +123,7 @@ class Land(
         self._arrival = max(self._coast.duration, self._way.duration)
         self._descends = self._point is None
         self._waited = self._barred = self._look = 0.0
-        self._under: str | None = None
+        self._under: Below | None = None
 
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
         if self._grounded:
@@ -145,7 +147,7 @@ class Land(
         self._stalled += 0.0 if waits else tick.dt
         if self._stalled > p.patience:
             return Failed(setpoint, f"no lower for {p.patience:g} s, and no ground")
-        if self._barred > p.patience:
+        if self._barred > p.patience and below is not None and not below.is_fixed:
             return Failed(setpoint, f"{self.waits_for} for {p.patience:g} s")
         if not self._descends and tick.elapsed > self._arrival + p.patience:
             if self._point is None:
@@ -154,13 +156,17 @@ class Land(
             return Failed(setpoint, f"still {gap:.2f} m from above the point")
         return setpoint
 
-    def _below(self, tick: Tick, own: Vec3) -> str | None:
-        """Return the name of a vehicle below this one, or None. Without a `position`, choose a new
-        goal beside that vehicle."""
+    def _below(self, tick: Tick, own: Vec3) -> Below | None:
+        """Return what is below and bars the descent, or None. Without a `position`, choose a new
+        goal beside it."""
         if tick.elapsed >= self._look:
             self._look = tick.elapsed + _LOOK_PERIOD_S
-            self._under = vehicle_below(self._context, own, tick.fleet)
-            self.waits_for = None if self._under is None else f"`{self._under}` is below"
+            below = what_is_below(self._context, own, tick.fleet)
+            if below is not None and below.is_fixed:
+                tolerated = self._point is not None or self._barred > self.params.patience
+                below = None if tolerated else below
+            self._under = below
+            self.waits_for = None if below is None else f"{below.words} is below"
         below = self._under
         if below is None or not self._descends or tick.elapsed < self._arrival:
             return below
@@ -169,10 +175,13 @@ class Land(
             return below
         x, y, _ = self._way.at(tick.elapsed - self._began).position
         here = (x, y, self._height)
-        goal = place_beside(self._context, here, tick.fleet, below)
+        goal = place_beside(self._context, here, tick.fleet, below.away)
         if goal is not None:
             self._goal, self._way, self._began = goal, self._to(here, goal), tick.elapsed
             self._arrival, self._descends = tick.elapsed + self._way.duration, False
+        elif below.is_fixed:
+            self._barred += tick.dt
+            self.waits_for = f"{below.words} is below, and no place beside it is free"
         return below
 
     def _to(self, start: Vec3, goal: Vec3) -> Straight:

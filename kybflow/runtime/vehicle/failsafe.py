@@ -28,7 +28,7 @@ from kybflow.core.events import AlarmRaised
 from kybflow.core.signals import NS, Alarm, Reaction, Tick, Time
 from kybflow.dsl.names import AUTO_HOME, AUTO_LAND, BRAKE, FAULT, HOVER, LAND_BLIND
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.flight.landing_place import vehicle_below
+from kybflow.flight.landing_place import what_is_below
 from kybflow.parts import GROUND, Supervisor
 from kybflow.parts.events import FailsafeEnded, FailsafeStarted, PartFailedEvent
 from kybflow.runtime.events import Events
@@ -375,8 +375,8 @@ class Reactions:
             runner.enter_built_in(response.in_air, grounded=cuts)
             if self._link.prefers_land_mode(reaction):
                 own, context = tick.estimate, runner.entry().context
-                # the vehicle's own land mode wouldn't notice another vehicle below
-                if own is None or vehicle_below(context, own.position, tick.fleet) is None:
+                # the vehicle's own land mode wouldn't notice another vehicle or an edge below
+                if own is None or what_is_below(context, own.position, tick.fleet) is None:
                     runner.start_land_mode(tick.now)
         return True
 

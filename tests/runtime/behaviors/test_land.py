@@ -5,12 +5,24 @@ import random
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from part_bench import DT, Body, entry, estimate, fly, point_mass, tick, worst_mismatch
+from part_bench import (
+    DT,
+    SITE,
+    Body,
+    Flown,
+    entry,
+    estimate,
+    fly,
+    point_mass,
+    tick,
+    worst_mismatch,
+)
 
 from kybflow.core.geometry import ZERO, Vec3, distance, norm
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind
 from kybflow.parts import GROUND, MOVING
 from kybflow.runtime.behaviors.land import Land, LandParams
+from kybflow.world.shapes import Box
 
 IDLE = Setpoint(SetpointKind.IDLE)
 START = (0.3, 0.4, 1.5)
@@ -208,3 +220,48 @@ def test_poses_from_elsewhere_show_the_ground_while_the_link_is_silent() -> None
         landing.update(tick(i * DT, estimate(START))._replace(link_age=3.0)) for i in range(1, 2000)
     ]
     assert Done(IDLE) in ends
+
+
+AT_AN_EDGE = (0.3, 0.4, 1.5)
+TABLE = SITE._replace(
+    start=(-1.5, 0.0, 0.0), obstacles={"table": Box((0.25, -0.6, 0.0), (1.5, 1.0, 0.6))}
+)
+
+
+def said(behavior: Land, body: Body) -> tuple[Vec3, set[str | None], Flown]:
+    """Where the body ends, and what the behavior waited for on the way."""
+    waits: set[str | None] = set()
+
+    def watched(setpoint: Setpoint | None) -> tuple[Vec3, Vec3]:
+        waits.add(behavior.waits_for)
+        return body(setpoint)
+
+    flown = fly(behavior, watched)
+    return body(None)[0], waits, flown
+
+
+@pytest.mark.parametrize("height", [1.5, 0.75])
+def test_it_does_not_land_on_the_edge_of_an_obstacle_but_beside_it(height: float) -> None:
+    over = (*AT_AN_EDGE[:2], height)
+    behavior = Land(LandParams(), entry(over, context=TABLE))
+    (x, _, z), waits, flown = said(behavior, point_mass(over, ground=0.0))
+    assert flown.end == Done(IDLE)
+    assert (z, waits) == (0.0, {None, "an edge of `table` is below"})
+    assert x < 0.25 - 0.5 * SITE.airframe.diameter - 0.15
+
+
+def test_where_there_is_no_place_beside_the_edge_it_says_so_and_lands_in_the_end() -> None:
+    narrow = TABLE._replace(fence=Box((-0.05, 0.0, 0.0), (0.6, 0.8, 2.0)))
+    behavior = Land(LandParams(patience=2.0), entry(AT_AN_EDGE, context=narrow))
+    _, waits, flown = said(behavior, point_mass(AT_AN_EDGE, ground=0.6))
+    assert "an edge of `table` is below, and no place beside it is free" in waits
+    assert flown.end == Done(IDLE)
+    assert flown.duration > 2.0
+
+
+def test_on_the_point_of_a_landing_the_author_may_have_an_edge() -> None:
+    position = (*AT_AN_EDGE[:2], 0.6)
+    behavior = Land(LandParams(position=position), entry(AT_AN_EDGE, context=TABLE))
+    ended, waits, _ = said(behavior, point_mass(AT_AN_EDGE, ground=0.6))
+    assert distance(ended, position) < 0.05
+    assert waits == {None}
