@@ -55,8 +55,9 @@ _GYRATION = Range(0.04, 0.1, 0.55, 0.75)
 _TORQUE = Range(0.005, 0.03, 2.0, 10.0)
 _ROTOR_TIME = Range(0.0005, 0.004, 0.15, 0.4)
 _DRAG = Range(0.0, 0.0, 2.0, 10.0)
-_MAX_RATIO = 15.0
-"""Thrust to weight: 1.5 times the largest reference."""
+_WEAK, _MAX_RATIO = 1.5, 15.0
+"""Thrust to weight: less than the smallest reference, because an airframe with 1.3 has too little
+left for control when its battery sags; and 1.5 times the largest."""
 _ENDURANCE = Range(0.0, 30.0, 7200.0, 86400.0)
 _DENSITY = Range(0.0, 2.0, 12000.0, 23000.0)
 """Density of a payload, kg/m^3. Lead has 11,300; osmium, the densest metal, has 22,600."""
@@ -95,6 +96,9 @@ def of_airframe(airframe: Airframe) -> Iterator[Implausible]:
     elif lifts * cos(airframe.tilt) < 1.0:
         found = f"a tilt at which a thrust of {lifts:.3g} times its weight doesn't hold it"
         yield Implausible(("tilt", "thrust"), found, "less, or stronger rotors", False)
+    elif lifts < _WEAK:
+        found = f"a thrust of {lifts:.3g} times its weight, which leaves too little for control"
+        yield Implausible(("thrust", "mass"), found, f"{_WEAK:g} times at least", False)
     yield from _unusual("endurance", airframe.endurance, _ENDURANCE, DURATION)
 
 

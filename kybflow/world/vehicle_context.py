@@ -6,11 +6,11 @@ about body x and y is (`kybflow.drivers.sim.steps.onboard`)
 
     angular acceleration = P e + I integral(e) + D (rates - gyro).
 
-An airframe without gains has a loop as fast as its rotors allow, with lead compensation of the
-rotors. An airframe with a gain has PX4's cascade without compensation: the attitude loop commands
-rates of K e, and the rate loop an angular acceleration of D (K e + rates - gyro), so that P = K D.
-K is `MC_ROLL_P`, 6.5 1/s by default. D is `MC_ROLLRATE_P` times the angular acceleration at full
-torque, which depends on the vehicle (PX4 guide, "Controller Diagrams").
+An airframe without gains has a loop as fast as its rotors and the gyroscope's filter allow, with
+lead compensation of the rotors. An airframe with a gain has PX4's cascade without compensation: the
+attitude loop commands rates of K e, and the rate loop an angular acceleration of D (K e + rates -
+gyro), so that P = K D. K is `MC_ROLL_P`, 6.5 1/s by default. D is `MC_ROLLRATE_P` times the angular
+acceleration at full torque, which depends on the vehicle (PX4 guide, "Controller Diagrams").
 """
 
 from __future__ import annotations
@@ -29,6 +29,9 @@ from kybflow.world.tags import TagMap
 
 STIFFNESS = 1.0
 """Natural frequency of roll and pitch times the rotors' time constant."""
+FASTEST = 40.0
+"""The highest natural frequency of roll and pitch, rad/s, because a gyroscope's filter of 50 Hz and
+a dead time of 4 ms leave a faster loop a phase margin below 30 degrees."""
 DAMPING = 0.8
 INTEGRAL = 8.0
 """The frequency of the loop divided by that of its integral; 8.1 for PX4's cascade with I 0.2 and P
@@ -76,7 +79,7 @@ def attitude_loop(
 ) -> AttitudeLoop:
     """Return the attitude loop of an airframe with these rotors and declared gains."""
     if attitude_gain is None and rate_gain is None:
-        frequency = STIFFNESS / rotor_time
+        frequency = min(STIFFNESS / rotor_time, FASTEST)
         derivative, lead = 2.0 * DAMPING * frequency, LEAD
     else:
         derivative, lead = rate_gain or RATE_GAIN, 1.0
@@ -124,7 +127,7 @@ class Airframe:
     attitude_gain: Damping | None = param(
         "Gain of an on-board cascade like PX4's: body rate per angle of the attitude error, about"
         " body x and y; 6.5 1/s by default. An airframe with neither gain has a loop as fast as its"
-        " rotors allow.",
+        " rotors and gyroscope allow.",
         default=None, above=0.0, at_most=50.0,
     )  # fmt: skip
     rate_gain: Damping | None = param(

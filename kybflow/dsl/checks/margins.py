@@ -22,9 +22,12 @@ from kybflow.flight.loops.position_loop import (
     margins_of,
     quickest_observer,
 )
-from kybflow.world.vehicle_context import InnerLoop
+from kybflow.world.vehicle_context import InnerLoop, attitude_loop
 
 GAINS, MATRIX = ("proportional", "derivative", "integral"), "position_gain"
+_RATE_GAINS = (12.0, 18.0, 24.0, 32.0, 48.0, 64.0)
+_DAMPED = 3.0
+"""The rate gain divided by the attitude gain, for a damping of 0.87."""
 _SWINGS = Margins(1.1, radians(10.0), 0.0)
 """Margins below which a loop oscillates for long after each disturbance."""
 
@@ -112,6 +115,28 @@ def _finding(code: str, loop: _Closed) -> Diagnostic:
     )
 
 
+def _on_board(outer: OuterLoop, inner: InnerLoop) -> str:
+    """Return the help line for an on-board loop that no position gains suit: the gains of a
+    well-damped cascade that the highest position gains suit."""
+    found = []
+    for rate in _RATE_GAINS:
+        loop = attitude_loop(inner.rotor_time, rate / _DAMPED, rate)
+        other = inner._replace(attitude=loop)
+        gains = designed(outer, other)
+        if holds(margins_of(outer.with_gains(*gains), other), PLANNED):
+            found.append((gains, -rate))
+    if not found:
+        return (
+            "no gains suit these delays and rotors: reduce the delays, or the airframe's"
+            " `rotor_time`"
+        )
+    rate = -max(found)[1]
+    return (
+        "no gains suit this attitude loop: write the airframe's"
+        f" `attitude_gain: {rate / _DAMPED:.3g} 1/s` and `rate_gain: {rate:.3g} 1/s`"
+    )
+
+
 def _way_out(loop: _Closed, bound: Margins) -> str:
     """Return the help line: the largest gains with the planned margins, or the fastest observer."""
     outer, inner = loop.outer, loop.inner
@@ -121,9 +146,7 @@ def _way_out(loop: _Closed, bound: Margins) -> str:
         return f"write at most `observer: {quickest_observer(outer, inner, bound):g} Hz`"
     gains = designed(outer, inner)
     if not holds(margins_of(outer.with_gains(*gains), inner), PLANNED):
-        return (
-            "no gains suit this attitude loop: raise the airframe's `attitude_gain` and `rate_gain`"
-        )
+        return _on_board(outer, inner)
     if outer.stiffness is not None:
         k, d, i = (f"{gain:.3g}" for gain in gains)
         start = f"[[{k}, 0, 0], [0, {k}, 0], [0, 0, {k}]]"

@@ -1,15 +1,12 @@
 """Keep the setpoint inside the mission's fence, shrunk by a margin; fails closed.
 
-A position outside is moved to the nearest point inside, axis by axis; on such an axis an outward
-velocity, the acceleration and the jerk become zero. A velocity is limited, axis by axis, to the
-speed that can still stop before the face that it approaches,
-
-    |v| <= sqrt(2 a (d - a / (4 k^2))),    a = 1 m/s^2, d the distance of the estimate from it,
-
-and linearly, to k d with k = 2 1/s, over the last a / (2 k^2). The deceleration that this requires
-is fed forward; beyond the face the velocity leads back with at most 0.3 m/s. If the margin leaves
-no room along an axis, only the middle of the fence counts as inside. A setpoint that is inside
-passes unchanged, and so does every setpoint if the mission has no fence.
+A setpoint that stays inside passes unchanged, bit for bit, and so does every setpoint if the
+mission has no fence. One that would leave is followed by a smooth reference
+(`kybflow.flight.governor`) to the nearest point inside, axis by axis. Towards each face the
+reference brakes as `kybflow.flight.avoidance.barrier` says, from positions with 2 m/s^2 and from
+velocities, which count from the estimate, with 1 m/s^2. Beyond the face it leads back with at most
+0.3 m/s, and a setpoint outside never goes further out. If the margin leaves no room along an axis,
+only the middle of the fence counts as inside.
 
 The floor is different, because take-off and landing cross it, and the height of the ground varies:
 a position below it is allowed down to 0.5 m below the vehicle, which is enough for every landing.
@@ -18,20 +15,26 @@ World frame, metres.
 
 from __future__ import annotations
 
-from math import sqrt
+from math import inf
 from typing import ClassVar
 
-from kybflow.core.geometry import ZERO, Vec3
-from kybflow.core.signals import Estimate, Setpoint, SetpointKind, Tick
+from kybflow.core.geometry import ZERO, Vec3, add, dot, scale
+from kybflow.core.signals import Setpoint, SetpointKind, Tick
 from kybflow.core.units import Length
+from kybflow.flight.avoidance.barrier import Demand, braking_of, demand, strongest_of
+from kybflow.flight.avoidance.clearance import walls
+from kybflow.flight.avoidance.surroundings import Hazard
+from kybflow.flight.governor import Follower, led, shortened
+from kybflow.flight.motion import Motion, motion_of
 from kybflow.parts import Processor, param, params
 from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import VehicleContext
 
 _FLOOR_ROOM = 0.5
-_DECELERATION = 1.0
-_GAIN = 2.0
-_RETURN_SPEED = 0.3
+_BRAKING = {SetpointKind.POSITION: 2.0, SetpointKind.VELOCITY: 1.0}
+_SIGHT = 1.5
+"""Seconds within which a setpoint that keeps its velocity reaches no face that it must brake for
+now."""
 
 
 @params
@@ -57,6 +60,8 @@ class FenceProcessor(Processor[FenceProcessorParams]):
         self._fence = context.fence
         self._margin = params.margin
         self._room = _shrunk(context.fence, params.margin) if context.fence is not None else None
+        self._follower = Follower(context.airframe)
+        self._strongest = strongest_of(context.airframe)
 
     @classmethod
     def keeps_inside(cls, params: FenceProcessorParams, fence: Box) -> Box | None:
@@ -68,15 +73,57 @@ class FenceProcessor(Processor[FenceProcessorParams]):
         if self.params.margin != self._margin:
             self._margin = self.params.margin
             self._room = _shrunk(self._fence, self._margin)
-        position = setpoint.position
-        if position is not None and self._room.contains(position):
+        room, known = self._room, tick.known()
+        place = setpoint.position or known.position
+        if not self._follower.behind and room.contains(place):
+            x, y, z = place
+            vx, vy, vz = setpoint.velocity or ZERO
+            if room.contains((x + _SIGHT * vx, y + _SIGHT * vy, z + _SIGHT * vz)):
+                return setpoint
+        x, y, floor = room.low
+        return self._kept(
+            setpoint, tick, Box((x, y, min(floor, known.position[2] - _FLOOR_ROOM)), room.high)
+        )
+
+    def _kept(self, setpoint: Setpoint, tick: Tick, room: Box) -> Setpoint:
+        """Return the setpoint to follow, inside `room`."""
+        follower, asked, dt, kind = self._follower, motion_of(setpoint), tick.dt, setpoint.kind
+        follower.resume(setpoint, tick)
+        last = tick.setpoint.position if tick.setpoint is not None else None
+        if kind is SetpointKind.VELOCITY:
+            follower.position = tick.known().position
+        elif last is None:
+            follower.position = _inside(Motion(follower.position), room).position
+        place, velocity = follower.ahead()
+        most = self._strongest
+        braking = braking_of(_BRAKING[kind], most)
+        demands = [
+            demand(Hazard("fence", left, inward), 0.0, velocity, braking, most)
+            for left, inward in walls(place, room)
+        ]
+        if kind is SetpointKind.POSITION:
+            target = _inside(asked, room)
+            leaves = target is not asked
+        else:
+            target, leaves = asked, False
+        change = follower.change_to(led(asked.velocity, asked.acceleration, follower.lag), dt)
+        if not (leaves or follower.behind) and all(d.holds(change) for d in demands):
+            follower.join(asked)
             return setpoint
-        known = tick.known()
-        x, y, floor = self._room.low
-        room = Box((x, y, min(floor, known.position[2] - _FLOOR_ROOM)), self._room.high)
-        if position is not None:
-            return setpoint if room.contains(position) else _clamped(setpoint, position, room)
-        return _stoppable(setpoint, known, room)
+        goal = follower.pursuit(target, inf, braking, dt)
+        wanted = shortened(follower.change_to(goal, dt), most)
+        given = _bounded(wanted, demands)
+        motion = follower.advance(given, dt)
+        if kind is SetpointKind.POSITION:
+            reached = room if last is None else _with(room, last)
+            if not reached.contains(motion.position):  # too fast to brake
+                motion = _inside(motion, reached)
+                follower.join(motion)
+                follower.behind = True
+        if not leaves and given == wanted and follower.has_caught_up(asked, braking, dt):
+            follower.join(asked)
+            return setpoint
+        return motion.setpoint_like(setpoint)
 
 
 def _shrunk(fence: Box, margin: float) -> Box:
@@ -89,51 +136,37 @@ def _shrunk(fence: Box, margin: float) -> Box:
     return Box(_vector(low), _vector(high))
 
 
-def _clamped(setpoint: Setpoint, position: Vec3, room: Box) -> Setpoint:
-    inside = [min(max(position[i], room.low[i]), room.high[i]) for i in range(3)]
-    velocity = list(setpoint.velocity or ZERO)
-    acceleration = list(setpoint.acceleration or ZERO)
-    jerk = list(setpoint.jerk or ZERO)
+def _inside(asked: Motion, room: Box) -> Motion:
+    """Return the motion, its position moved to the nearest point in `room`; on an axis on which it
+    was outside, it is at rest unless it moves inwards. The same object if it was inside."""
+    if room.contains(asked.position):
+        return asked
+    position, velocity = list(asked.position), list(asked.velocity)
+    acceleration, jerk = list(asked.acceleration), list(asked.jerk)
     for i in range(3):
-        outward = position[i] - inside[i]
+        inside = min(max(position[i], room.low[i]), room.high[i])
+        outward = position[i] - inside
         if outward != 0.0:
+            position[i] = inside
             velocity[i] = 0.0 if velocity[i] * outward > 0.0 else velocity[i]
             acceleration[i] = jerk[i] = 0.0
-    return setpoint._replace(
-        position=_vector(inside),
-        velocity=_vector(velocity),
-        acceleration=_vector(acceleration),
-        jerk=_vector(jerk),
-    )
+    return Motion(*map(_vector, (position, velocity, acceleration, jerk)))
 
 
-def _stoppable(setpoint: Setpoint, known: Estimate, room: Box) -> Setpoint:
-    """Return the velocity setpoint, limited on each axis to the speed that can still stop before
-    the face it approaches, with the deceleration that this requires."""
-    wanted = setpoint.velocity or ZERO
-    velocity, acceleration, jerk = list(wanted), list(setpoint.acceleration or ZERO), list(ZERO)
-    for i in range(3):
-        for face, outward in ((room.high[i], 1.0), (room.low[i], -1.0)):
-            allowed, steepness = _closing(outward * (face - known.position[i]))
-            if outward * velocity[i] > allowed:
-                velocity[i] = outward * allowed
-                pull = steepness * max(outward * known.velocity[i], 0.0)
-                acceleration[i] = -outward * min(pull, 2.0 * _DECELERATION)
-    if _vector(velocity) == wanted:
-        return setpoint
-    return setpoint._replace(
-        velocity=_vector(velocity), acceleration=_vector(acceleration), jerk=_vector(jerk)
-    )
+def _with(room: Box, point: Vec3) -> Box:
+    """Return the smallest box around `room` and `point`."""
+    low = [min(a, b) for a, b in zip(room.low, point, strict=True)]
+    high = [max(a, b) for a, b in zip(room.high, point, strict=True)]
+    return Box(_vector(low), _vector(high))
 
 
-def _closing(left: float) -> tuple[float, float]:
-    """Return the allowed speed (m/s) towards a face `left` metres away, and by how much it falls
-    per metre (1/s). Beyond the face the speed is negative, so that it leads back."""
-    linear = 0.5 * _DECELERATION / (_GAIN * _GAIN)
-    if left <= linear:
-        return max(_GAIN * left, -_RETURN_SPEED), _GAIN if left > 0.0 else 0.0
-    speed = sqrt(2.0 * _DECELERATION * (left - 0.5 * linear))
-    return speed, _DECELERATION / speed
+def _bounded(wanted: Vec3, demands: list[Demand]) -> Vec3:
+    """Return the acceleration nearest to `wanted` that meets the demands of a box's faces."""
+    for normal, least in demands:
+        lack = least - dot(normal, wanted)
+        if lack > 0.0:
+            wanted = add(wanted, scale(normal, lack))
+    return wanted
 
 
 def _vector(numbers: list[float]) -> Vec3:

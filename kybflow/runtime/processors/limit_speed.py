@@ -49,8 +49,10 @@ class LimitSpeed(Processor[LimitSpeedParams]):
         position, velocity = position or ZERO, velocity or ZERO
         follower, most = self._follower, self.params.speed * _SLACK
         follower.resume(setpoint, tick)
-        legal = hypot(*velocity) <= most and (
-            not acceleration or hypot(*led(velocity, acceleration, follower.lag)) <= most * _EXCESS
+        speed = hypot(*velocity)
+        legal = speed <= most and (
+            speed < 0.5 * most  # as nearly always; too slow to be too fast ahead
+            or hypot(*led(velocity, acceleration or ZERO, follower.lag)) <= most * _EXCESS
         )
         if legal and not follower.behind:
             near = kind is _VELOCITY or (

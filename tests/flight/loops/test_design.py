@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import cos, sin
+from math import cos, radians, sin
 
 import pytest
 from hypothesis import given, settings
@@ -12,7 +12,7 @@ from plans import NANO
 
 from kybflow.drivers.sim import Sim, SimParams
 from kybflow.flight.geometric_law import GeometricParams, outer_loop
-from kybflow.flight.loops.margins import margins
+from kybflow.flight.loops.margins import Margins, margins
 from kybflow.flight.loops.position_loop import (
     FASTEST,
     LEAST,
@@ -23,6 +23,7 @@ from kybflow.flight.loops.position_loop import (
     holds,
     horizontal,
     margins_of,
+    on_board,
     quickest_observer,
     shaped,
     stiffness,
@@ -169,3 +170,12 @@ def test_a_matrix_that_couples_the_height_says_so() -> None:
 def test_the_design_is_the_same_whatever_matrix_is_written() -> None:
     weak = with_matrix(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
     assert designed(weak, inner()) == designed(LAW, inner())
+
+
+@pytest.mark.parametrize("rotor_time", [0.003, 0.005, 0.008, 0.012, 0.02, 0.03, 0.06])
+def test_the_loop_of_an_airframe_without_gains_suits_the_lab(rotor_time: float) -> None:
+    """However fast its rotors are: its gyroscope and its dead time stay as slow."""
+    frame = replace(MK, rotor_time=rotor_time)
+    inner = Sim.inner_loop(LAB, frame)
+    assert holds(margins(on_board(LAW, inner)), Margins(2.0, radians(30.0), 0.005))
+    assert holds(margins_of(outer_loop(GeometricParams(), frame, inner, 0.008), inner), PLANNED)

@@ -3,9 +3,9 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from part_bench import FENCE, SITE, at_rest, entry, estimate, fly, point_mass, tick
+from part_bench import DT, FENCE, SITE, at_rest, entry, estimate, fly, point_mass, tick
 
-from kybflow.core.geometry import ZERO, Vec3
+from kybflow.core.geometry import ZERO, Vec3, add, scale
 from kybflow.core.signals import Done, Setpoint, SetpointKind
 from kybflow.runtime.behaviors.land import Land, LandParams
 from kybflow.runtime.processors.fence import FenceProcessor, FenceProcessorParams
@@ -20,30 +20,45 @@ def fence(margin: float = 0.2) -> FenceProcessor:
     return FenceProcessor(FenceProcessorParams(margin=margin), SITE)
 
 
+def settled(processor: FenceProcessor, asked: Setpoint, last: Setpoint) -> Setpoint:
+    """The setpoint after 4 s in which the same is asked."""
+    for i in range(1000):
+        last = processor(asked, tick((i + 1) * DT, MIDDLE, last))
+    return last
+
+
 @given(st.tuples(numbers, numbers, numbers), st.tuples(numbers, numbers, numbers))
 def test_whatever_is_asked_what_comes_out_is_inside(position: Vec3, velocity: Vec3) -> None:
-    asked = at_rest(position, velocity)
-    bent = fence()(asked, tick(known=MIDDLE))
-    assert INSIDE.contains(bent.position)
-    assert (bent is asked) == INSIDE.contains(position)
+    processor, bent = fence(), None
+    for i in range(3):
+        bent = processor(at_rest(position, velocity), tick((i + 1) * DT, MIDDLE, bent))
+        assert INSIDE.grown((1e-9, 1e-9, 1e-9)).contains(bent.position)
 
 
-def test_outside_it_goes_to_the_nearest_point_and_no_further_out() -> None:
-    asked = at_rest((4.0, 1.0, 1.0), (1.0, 0.5, 0.0))._replace(acceleration=(2.0, 1.0, 0.0))
-    bent = fence()(asked, tick(known=MIDDLE))
-    assert bent.position == pytest.approx((2.8, 1.0, 1.0))
-    assert bent.velocity == (0.0, 0.5, 0.0)
-    assert bent.acceleration == (0.0, 1.0, 0.0)
+@given(st.tuples(numbers, numbers, numbers))
+def test_what_rests_inside_passes(position: Vec3) -> None:
+    asked = at_rest(position)
+    assert (fence()(asked, tick(known=MIDDLE)) is asked) == INSIDE.contains(position)
 
 
-def test_outside_it_may_come_back() -> None:
-    back = fence()(at_rest((4.0, 0.0, 1.0), (-1.0, 0.0, 0.0)), tick(known=MIDDLE))
-    assert back.velocity == (-1.0, 0.0, 0.0)
+def test_outside_it_goes_to_the_nearest_point() -> None:
+    bent = settled(fence(), at_rest((4.0, 1.0, 1.0)), at_rest((2.0, 0.5, 1.0)))
+    assert bent.position == pytest.approx((2.8, 1.0, 1.0), abs=1e-3)
+    assert bent.velocity == pytest.approx(ZERO, abs=1e-3)
+
+
+def test_what_comes_back_is_followed_again() -> None:
+    processor, last = fence(), at_rest((2.0, 0.0, 1.0))
+    last = settled(processor, at_rest((4.0, 0.0, 1.0)), last)
+    back = at_rest((2.0, 0.0, 1.0))
+    for i in range(1000, 2500):
+        last = processor(back, tick((i + 1) * DT, MIDDLE, last))
+    assert last is back
 
 
 def test_a_margin_without_room_leaves_the_middle() -> None:
-    bent = fence(margin=9.0)(at_rest((2.0, 2.0, 2.0)), tick(known=MIDDLE))
-    assert bent.position[:2] == (0.0, 0.0)
+    bent = settled(fence(margin=9.0), at_rest((2.0, 2.0, 2.0)), at_rest((0.0, 1.0, 1.0)))
+    assert bent.position[:2] == pytest.approx((0.0, 0.0), abs=1e-3)
     assert bent.position[2] <= FENCE.high[2]
 
 
@@ -81,26 +96,32 @@ def test_without_a_fence_everything_passes() -> None:
     )
 
 
-def push(east: float, known_speed: float = 0.0) -> Setpoint:
-    """What is left of 1 m/s to the east there."""
-    asked = Setpoint(SetpointKind.VELOCITY, None, (1.0, 0.2, 0.0), (0.5, 0.1, 0.0), ZERO)
-    return fence()(asked, tick(known=estimate((east, 0.0, 1.0), (known_speed, 0.0, 0.0))))
+@pytest.mark.parametrize("east", [0.0, 2.0, 2.7])
+def test_a_velocity_stops_before_the_face(east: float) -> None:
+    """Of a vehicle that follows at once."""
+    asked = Setpoint(SetpointKind.VELOCITY, None, (1.0, 0.2, 0.0), ZERO, ZERO)
+    processor, place, last = fence(), (east, 0.0, 1.0), asked._replace(velocity=ZERO)
+    for i in range(1500):
+        known = estimate(place, last.velocity)
+        last = processor(asked, tick((i + 1) * DT, known, last))
+        place = add(place, scale(last.velocity, DT))
+        assert place[0] < 2.8 + 1e-3
+    assert place[0] > 2.75
+    assert last.velocity[0] == pytest.approx(0.0, abs=0.01)
 
 
-@pytest.mark.parametrize(
-    ("east", "allowed"),
-    [(0.0, 1.0), (2.5, 0.6892), (2.7, 0.2), (2.8, 0.0), (2.85, -0.1), (5, -0.3)],
-)
-def test_a_velocity_is_cut_to_what_still_stops_in_time(east: float, allowed: float) -> None:
-    assert push(east).velocity == pytest.approx((allowed, 0.2, 0.0), abs=1e-4)
-
-
-def test_the_braking_that_a_cut_velocity_takes_is_fed_forward() -> None:
-    assert push(0.0, 1.0).acceleration == (0.5, 0.1, 0.0)
-    cut = push(2.5).velocity[0]
-    assert push(2.5, cut).acceleration == pytest.approx((-1.0, 0.1, 0.0))
-    assert push(2.7, 0.2).acceleration[0] == pytest.approx(-0.4)
-    assert push(2.8, 0.0).acceleration[0] == 0.0
+@pytest.mark.parametrize("kind", [SetpointKind.POSITION, SetpointKind.VELOCITY])
+def test_beyond_the_face_it_leads_back_slowly(kind: SetpointKind) -> None:
+    """As when an option moves the face."""
+    places = kind is SetpointKind.POSITION
+    place = (2.9, 0.0, 1.0)
+    asked = Setpoint(kind, place if places else None, ZERO, ZERO, ZERO, 0.0)
+    processor, last = fence(), asked
+    for i in range(1000):
+        last = processor(asked, tick((i + 1) * DT, estimate(place, last.velocity), last))
+        assert -0.31 < last.velocity[0] < 1e-3
+        place = last.position or add(place, scale(last.velocity, DT))
+    assert place[0] == pytest.approx(2.8, abs=5e-3)
 
 
 def test_along_a_face_it_may_go_as_it_likes() -> None:
