@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import Estimate
-from kybflow.world.ground import STANDS
+from kybflow.world.ground import STAND_HEIGHT
 from kybflow.world.vehicle_context import LEGS, VehicleContext
 
 _MARGIN = 0.15
@@ -66,7 +66,7 @@ def _edge_below(context: VehicleContext, here: Vec3) -> Below | None:
     under = {}
     for name, shape in context.obstacles.items():
         top = shape.top(x, y, reach)
-        if _EDGE < top + LEGS <= z + STANDS and shape.distance((x, y, top)) < reach:
+        if _EDGE < top + LEGS <= z + STAND_HEIGHT and shape.distance((x, y, top)) < reach:
             under[name] = top
     if not under or hypot(x - start[0], y - start[1]) < _MARGIN:
         return None

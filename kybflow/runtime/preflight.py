@@ -107,7 +107,7 @@ def clock_lines(plan: Plan, ticks: TickCount) -> Iterator[PreflightResult]:
     if not ticks.due:
         green, waits, reason = False, True, "its ticks are counted for a second"
     elif not green:
-        reason += ": end other programs, or write a lower `control_rate`"
+        reason += ": end other programs, or declare a lower rate as `control`"
     yield PreflightResult(plan.vehicles[0].name, "computer", green, reason, waits=waits)
 
 

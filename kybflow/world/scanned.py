@@ -8,8 +8,8 @@ Liu et al., *Planning Dynamically Feasible Trajectories for Quadrotors Using Saf
 (RA-L 2017). The space in front of all planes contains no point.
 
 numpy is imported on first use, because most missions have no scanned obstacle. The nearest point is
-found among all of them: below some 5,000 points that is faster than a k-d tree, and at `MOST_POINTS` it
-takes 0.1 ms.
+found among all of them: below some 5,000 points that is faster than a k-d tree, and at
+`MOST_POINTS` it takes 0.1 ms.
 """
 
 from __future__ import annotations
