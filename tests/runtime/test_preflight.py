@@ -393,7 +393,7 @@ def test_a_computer_that_is_too_slow_is_red_before_a_real_vehicle_arms(kept, gre
     assert line.green is green
     made, due = re.findall(r"\d+", line.reason)[:2]
     assert int(made) / int(due) == pytest.approx(kept, abs=0.01)
-    assert green or "`control_rate`" in line.reason
+    assert green or "`control`" in line.reason
 
 
 def test_a_late_computer_is_told_and_its_missed_ticks_are_in_the_summary(run, monkeypatch):
