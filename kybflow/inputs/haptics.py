@@ -240,7 +240,7 @@ class ForceDimension:
     def read(self, now: Time) -> HapticState:
         dhd = self._dhd
         if min(dhd.getPosition(self._place), dhd.getLinearVelocity(self._speed)) < 0:
-            raise DriverError("Force Dimension's device gives no position")
+            raise DriverError("Force Dimension's device gives no position: is it switched on?")
         mask = dhd.getButtonMask()
         held = frozenset(name for bit, name in enumerate(_NAMES) if mask >> bit & 1)
         return HapticState(_to_user_axes(self._place), _to_user_axes(self._speed), held)

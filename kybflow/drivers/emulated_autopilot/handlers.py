@@ -183,7 +183,7 @@ class MessageHandlers:
         return mavlink.MAVLink_file_transfer_protocol_message(0, *_sender(m), answer)
 
     def _missions(self, m: Any) -> Any:
-        """Report that there is no mission, and accept none."""
+        """Answer that the autopilot stores no mission, and reject any that is sent."""
         to, kind = _sender(m), getattr(m, "mission_type", 0)
         if m.get_type() == "MISSION_REQUEST_LIST":
             return mavlink.MAVLink_mission_count_message(*to, 0, kind)

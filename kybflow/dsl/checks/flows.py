@@ -61,7 +61,7 @@ def _nobody(who: Text, plan: Plan) -> Diagnostic:
     finding = unknown_vehicle("KYB193", who, plan)
     if not who.span.used:
         return finding
-    group = f"write `groups: {{{who.text}: [...]}}`, with the vehicles of the flow"
+    group = f"write `groups: {{{who.text}: [...]}}` in the mission: the vehicles that fly it"
     near = finding.help.startswith("did")
     message = f"there is no vehicle and no group `{who.text}`"
     return replace(finding, message=message, help=finding.help if near else group)

@@ -189,8 +189,8 @@ def _traps(
 
 
 def _along(name: str, ahead: dict[str, str], endless: AbstractSet[str]) -> list[str]:
-    """Return the states from `name` along `then`, up to the first one that repeats or never
-    ends."""
+    """Return `name` and the states that follow it by `then`, up to the first one that repeats or
+    never ends."""
     path, passed = [name], {name}
     while path[-1] in ahead and path[-1] not in endless:
         path.append(ahead[path[-1]])

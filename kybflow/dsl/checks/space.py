@@ -101,12 +101,12 @@ def held_back(case: Case) -> Iterator[Diagnostic]:
                 "KYB320",
                 f"`{part.alias}` keeps `{vehicle.name}` from the goal of `{state.name}`",
                 aim_of(state, footprint),
-                label=_beyond(room, far),
+                label=f"{_beyond(room, far)} what `{part.alias}` allows",
                 notes=(
                     f"`{part.alias}` allows {shown_point(room.low)} to {shown_point(room.high)}",
                     *footprint.line_of(far),
                 ),
-                help="stay further away from the fence, or reduce the margin",
+                help=f"stay further away from the fence, or reduce the margin of `{part.alias}`",
                 related=(*the_fence(case), *values_of(state.behavior)),
             )
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from kybflow.core.text import as_typed
 from kybflow.dsl.diagnostics import Findings, Text
-from kybflow.dsl.reading.nodes import NAME_A_POINT, no_commas
+from kybflow.dsl.reading.nodes import NAME_A_POINT, NO_POINT, no_commas
 
 KEYWORDS = frozenset({"and", "or", "not", "in", "to", "within", "always", "eventually", "finally"})
 """The words of the language, which can't be the name of a vehicle or state."""
@@ -116,7 +116,8 @@ class Cursor:
             hint = f"close the parenthesis: `{self._text.text.strip()})`"
         elif not token.text and "comparison" in expected:
             hint = "add what it is compared with, such as `< 5 cm`"
-        return self.stopped("KYB210", f"found {shown} where {expected} should be", "", hint)
+        message = f"found {shown} where {expected} should be"
+        return self.stopped("KYB210", NO_POINT if hint == NAME_A_POINT else message, "", hint)
 
     def stopped(self, code: str, message: str, label: str, help: str = "") -> Unreadable:
         """Report at the next token why parsing stops, and return the exception to raise."""

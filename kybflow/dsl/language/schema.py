@@ -186,7 +186,7 @@ class Schemas:
         keys = {**layout.keys, "stack": stack}
         whole = self.mapping(layout._replace(keys=keys, needed=()), title, about)
         alone = {
-            "title": "stack's place", "description": "A stack.", "type": "object",
+            "title": "entry with `stack`", "description": "A stack.", "type": "object",
             "properties": {"stack": whole["properties"]["stack"]}, "additionalProperties": False,
         }  # fmt: skip
         named = {**dict.fromkeys(keys, True), **self.properties((layout.keys["use"],), ("use",))}

@@ -24,8 +24,9 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z", re.ASCII)
 
 
 NO_COMMAS = "the language has no commas: write `distance(a to b)`, `separation(a and b)`"
-NAME_A_POINT = "name the point: `points: {there: [1, 0, 1]}` in the world, and `world.points.there`"
+NAME_A_POINT = "write `points: {there: [1, 0, 1]}` under `world`, and `world.points.there` here"
 """The hint for a point that is written out in a condition."""
+NO_POINT = "a condition can't contain the coordinates of a point"
 _TWO = re.compile(r"(distance|separation)\(\s*([\w.$]+)\s*,\s*([\w.$]+)\s*\)")
 
 

@@ -357,28 +357,27 @@ def _path_of(node: Scalar, _: Field, found: Findings) -> FilePath | None:
     path = os.path.abspath(os.path.join(os.path.dirname(node.span.file), node.text))
     if "\0" not in path and os.path.isfile(path):
         return FilePath(path)
-    hint = "name a file that is there, as seen from the folder of the one that names it"
-    found.report("KYB370", f"there is no file `{node.text}`", node.span, help=hint)
+    found.report("KYB370", f"there is no file `{node.text}`", node.span, help=_CREATE)
     return None
 
 
+_CREATE = "create it, or correct its path, which begins in the folder of the file that names it"
 _INSIDE = "move it into the folder of the file that names it, or below"
 
 
 def _read(name: str, folder: Path, errors: str) -> File:
     """Read a file. errors: how to decode bytes that are not UTF-8, as in `bytes.decode`. Raises
     FileError."""
-    hint = "create it, or correct its path, which begins in the folder of the file that names it"
     try:
         path = Path(os.path.realpath(folder / name))
         if Path(name).is_absolute() or not path.is_relative_to(os.path.realpath(folder)):
             raise FileError(f"`{name}` is outside of the mission's folder", hint=_INSIDE)
         if not stat.S_ISREG(path.stat().st_mode):
-            raise FileError(f"`{name}` is not a file", hint=hint)
+            raise FileError(f"`{name}` is not a file", hint=_CREATE)
         with path.open("rb") as stream:
             data = stream.read(MAX_FILE_BYTES + 1)
     except FileNotFoundError:
-        raise FileError(f"there is no file `{name}`", hint=hint) from None
+        raise FileError(f"there is no file `{name}`", hint=_CREATE) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise FileError(f"`{name}` can't be read: {reason.lower()}") from None

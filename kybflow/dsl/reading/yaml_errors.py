@@ -14,7 +14,14 @@ from typing import NamedTuple
 
 from kybflow.core.text import as_typed
 from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
-from kybflow.dsl.reading.nodes import NAME_A_POINT, MappingEntry, Scalar, is_cut, no_commas
+from kybflow.dsl.reading.nodes import (
+    NAME_A_POINT,
+    NO_POINT,
+    MappingEntry,
+    Scalar,
+    is_cut,
+    no_commas,
+)
 
 CODES = {
     "KYB004": "The file is not YAML.",
@@ -351,7 +358,7 @@ def _left_open(brackets: tuple[str, str], began: tuple[int, int], stop: _Stop) -
     notes = (f"`{opening}` opened at {stop.file}:{row + 1}:{column + 1}",)
     hint = f"close it with `{closing}`, or put a `,` between its entries"
     if stop.character == "[" and _CALL.search(stop.line[: stop.column]):
-        hint = NAME_A_POINT
+        message, hint = NO_POINT, NAME_A_POINT
     return replace(stop.finding(message, hint), notes=notes)
 
 

@@ -173,7 +173,9 @@ class BehaviorRunner:
             self.enter_built_in(LANDED)
 
     def start_land_mode(self, now: Time) -> None:
-        """Start a landing by the vehicle's own land mode, which replaces the active behavior."""
+        """Start a landing by the vehicle's own land mode. The active state stays, with a behavior
+        that is not updated: its leg, touch-down and transitions are those of this landing too, and
+        it is entered anew if the vehicle refuses or leaves the mode."""
         entry = self.entry()
         height = 0.0
         if entry.estimate is not None:
@@ -375,7 +377,7 @@ class BehaviorRunner:
             self.hold.leave(holder, entry.now)
 
     def close(self, now: Time) -> None:
-        """Complete the figures of the active behavior at the end of the run."""
+        """Record in the score that the run ended during the active behavior."""
         self._score.left("run_ended", now / NS)
 
     def _end(self, estimate: Estimate | None) -> None:

@@ -255,7 +255,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         return output
 
     def _go_on(self, team: Team, tick: Tick) -> None:
-        """Keep the place that the vehicle had in this formation just before, in another state."""
+        """Take over the place in this formation that the vehicle had in the state it just left."""
         before = self._members.own_news(tick)
         if before is None or before.said.place == NO_PLACE:
             return
