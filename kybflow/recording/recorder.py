@@ -176,10 +176,13 @@ class VehicleChannel(VehicleObserver):
         estimation: EstimationState,
     ) -> None:
         """Record a control tick. wanted, setpoint: the setpoint before and after the processors."""
-        _, p, v, q, w, _, age, spread = estimate or _NO_ESTIMATE
-        attitude, thrust, rates, heading, armed, kind, sent = command
+        believed: Any = estimate or _NO_ESTIMATE  # Any: mypyc would convert each number twice
+        asked: Any = command
+        true: Any = truth or _NO_TRUTH
+        _, p, v, q, w, _, age, spread = believed
+        attitude, thrust, rates, heading, armed, kind, sent = asked
         number = _ATTITUDE_THRUST_NUMBER if kind is _ATTITUDE_THRUST else COMMAND_KINDS[kind]
-        pt, vt, qt, wt, _ = truth or _NO_TRUTH
+        pt, vt, qt, wt, _ = true
         values = (
             estimate is not None, *p, *v, *q, *w, age, spread,
             *_numbers(setpoint),
@@ -242,12 +245,13 @@ class VehicleChannel(VehicleObserver):
         self._optional[topic](data, now)
 
 
-def _numbers(setpoint: Setpoint | None) -> tuple[float, ...]:
+def _numbers(setpoint: Setpoint | None) -> Any:
     """Return a setpoint's kind, the sum of its present fields' marks, and all fields with zeros for
     absent ones."""
     if setpoint is None:
         return _NO_SETPOINT
-    kind, position, velocity, acceleration, jerk, heading, rate = setpoint
+    fields: Any = setpoint
+    kind, position, velocity, acceleration, jerk, heading, rate = fields
     if kind is _POSITION and position and velocity and acceleration and heading is not None:
         present = _ALL if jerk else _ALL - HAS_JERK
         return (

@@ -121,9 +121,9 @@ class SimulatedWorld(Session):
             steps = 1
         self._stepper.advance(steps)
         self._truths = {}
-        for index, vehicle in readers:
-            for sample in self._stepper.imu_samples(index):
-                vehicle.add_imu(sample)
+        for samples in self._stepper.imu_samples() if readers else ():
+            for index, vehicle in readers:
+                vehicle.add_imu(samples[index])
         if self._due <= onboard.steps:
             self._measure(self.now)
 

@@ -93,10 +93,10 @@ class CompiledStepper:
         self._kernel(nothing, nothing, first, last, onboard.count, self._address)
         onboard.steps += count
 
-    def imu_samples(self, vehicle: int) -> list[Numbers]:
-        """Return a vehicle's IMU sample of each step of the last `advance`."""
-        samples = self._samples[self._first : self._last, vehicle].tolist()
-        return list(map(tuple, samples))  # compiled callers refuse lists
+    def imu_samples(self) -> list[list[Numbers]]:
+        """Return the IMU samples of all vehicles in each step of the last `advance`."""
+        samples = self._samples[self._first : self._last].tolist()
+        return [list(map(tuple, step)) for step in samples]  # compiled callers refuse lists
 
 
 def _fingerprint(laws: Sequence[Any]) -> str:

@@ -42,9 +42,9 @@ class Stepper:
         self._forces = data.qfrc_applied
         self._shares = shares(model.opt.timestep)
 
-    def imu_samples(self, vehicle: int) -> list[Numbers]:
-        """Return a vehicle's IMU sample of each step of the last `advance`."""
-        return [step[vehicle] for step in self._samples]
+    def imu_samples(self) -> list[list[Numbers]]:
+        """Return the IMU samples of all vehicles in each step of the last `advance`."""
+        return self._samples
 
     def advance(self, count: int) -> None:
         """Make `count` steps."""
