@@ -6,7 +6,7 @@ import os
 import socket
 import struct
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +91,31 @@ class RunClient:
     def phase(self, flow: str, phase: str, *, take: bool = False) -> Answer:
         """Let a flow enter a phase."""
         return self.command(f"phase {flow} {phase}", take=take)
+
+    def track(
+        self,
+        vehicle: str,
+        time: float,
+        position: Sequence[float],
+        *,
+        velocity: Sequence[float] | None = None,
+        acceleration: Sequence[float] | None = None,
+        heading: float | None = None,
+        take: bool = False,
+    ) -> Answer:
+        """Send a point of a trajectory to a vehicle in `trajectory_input`. time: seconds of the
+        run. position, velocity, acceleration: x, y, z in the world frame, in
+        metres and seconds. heading: rad. What is left out, the vehicle fits to the points around
+        it; the heading stays. Raises CommandRefused for a point that can't be flown."""
+        vectors = {"position": position, "velocity": velocity, "acceleration": acceleration}
+        words = [
+            f"{name}=[{', '.join(repr(float(number)) for number in vector)}]"
+            for name, vector in vectors.items()
+            if vector is not None
+        ]
+        if heading is not None:
+            words.append(f"heading={float(heading)!r}")
+        return self.command(f"track {vehicle} time={float(time)!r} {' '.join(words)}", take=take)
 
     def pause(self, *vehicles: str) -> Answer:
         """Hold the given vehicles, or all if none is given."""

@@ -335,12 +335,13 @@ class Retune(NamedTuple):
 
 class PlannedPoint(NamedTuple):
     """Where an external planner wants a vehicle at `time`. time: seconds of the run. position,
-    velocity, acceleration: world frame. heading: rad, None to keep the present one."""
+    velocity, acceleration: world frame; a velocity or acceleration that is None follows from the
+    points around it. heading: rad, None to keep the present one."""
 
     time: float
     position: Vec3
-    velocity: Vec3 = (0.0, 0.0, 0.0)
-    acceleration: Vec3 = (0.0, 0.0, 0.0)
+    velocity: Vec3 | None = None
+    acceleration: Vec3 | None = None
     heading: float | None = None
 
 

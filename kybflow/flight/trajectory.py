@@ -44,7 +44,7 @@ from typing import NamedTuple
 from kybflow.core.errors import FileError
 from kybflow.core.files import File, Table, header_line, need
 from kybflow.core.files import read_table as read_columns
-from kybflow.core.geometry import Vec3, norm
+from kybflow.core.geometry import ZERO, Vec3, norm
 from kybflow.core.units import (
     ACCELERATION,
     ANGLE,
@@ -155,26 +155,37 @@ class Quintic(NamedTuple):
         )
 
 
-def slopes(times: Sequence[float], values: Sequence[float]) -> list[float]:
-    """Return the slope at each of at least two knots; zero at the first and the last. The equations
-    are solved by Thomas' algorithm."""
+def slopes(
+    times: Sequence[float], values: Sequence[float], first: float = 0.0, *, goes_on: bool = False
+) -> list[float]:
+    """Return the slope at each of at least two knots: `first` at the first, and at the last zero,
+    or, if the curve goes on beyond it, the one with which the spline isn't bent there. The
+    equations are solved by Thomas' algorithm."""
     steps = [b - a for a, b in pairwise(times)]
     pull = [(b - a) / (h * h) for a, b, h in zip(values, values[1:], steps, strict=False)]
     found = [0.0] * len(times)
     ahead = [0.0] * len(times)
+    found[0] = first
     for i in range(1, len(times) - 1):
         left, right = 1.0 / steps[i - 1], 1.0 / steps[i]
         pivot = 2.0 * (left + right) - left * ahead[i - 1]
         ahead[i] = right / pivot
         found[i] = (3.0 * (pull[i - 1] + pull[i]) - left * found[i - 1]) / pivot
+    if goes_on:
+        found[-1] = (3.0 * pull[-1] * steps[-1] - found[-2]) / (2.0 - ahead[-2])
     for i in range(len(times) - 2, 0, -1):
         found[i] -= ahead[i] * found[i + 1]
     return found
 
 
-def vector_slopes(times: Sequence[float], values: Sequence[Vec3]) -> list[Vec3]:
-    """Return the slopes at each knot, found separately for each axis."""
-    x, y, z = (slopes(times, [value[axis] for value in values]) for axis in range(3))
+def vector_slopes(
+    times: Sequence[float], values: Sequence[Vec3], first: Vec3 = ZERO, *, goes_on: bool = False
+) -> list[Vec3]:
+    """Return the slopes at each knot, found as by `slopes` for each axis."""
+    x, y, z = (
+        slopes(times, [value[axis] for value in values], first[axis], goes_on=goes_on)
+        for axis in range(3)
+    )
     return list(zip(x, y, z, strict=True))
 
 

@@ -69,6 +69,7 @@ def test_every_command_has_a_method_that_spells_it(run: Served) -> None:
         anna.enable("mk.processors.fence")
         anna.disable("mk.processors.fence")
         anna.phase("swarm", "gather")
+        anna.track("mk", 12.5, (1, 0.5, 1), velocity=(0.1, 0, 0))
         anna.resume("mk")
         anna.reset()
         anna.land("mk", "nano")
@@ -77,8 +78,9 @@ def test_every_command_has_a_method_that_spells_it(run: Served) -> None:
     assert spoken(run) == [
         "emit operator.go", "switch mk goto position=[1, 0.5, 1] heading=null speed=50 cm/s",
         "set mk.processors.fence.margin 30 cm", "enable mk.processors.fence",
-        "disable mk.processors.fence", "phase swarm gather", "resume mk", "reset", "land mk nano",
-        "stop enough", "release",
+        "disable mk.processors.fence", "phase swarm gather",
+        "track mk time=12.5 position=[1.0, 0.5, 1.0] velocity=[0.1, 0.0, 0.0]",
+        "resume mk", "reset", "land mk nano", "stop enough", "release",
     ]  # fmt: skip
 
 

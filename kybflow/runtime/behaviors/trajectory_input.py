@@ -6,6 +6,12 @@ A point gives the position at a time of the run, with velocity, acceleration and
 velocity and acceleration of both; to the first point it starts from its current motion. Before the
 first point it rests at the position of entry.
 
+A velocity or acceleration that a point lacks is fitted when the vehicle sets out for the point, by
+the splines of `follow_trajectory` through the points that have come by then, up to eight. The last
+of these is passed with the speed of the curve if it is less than half a second after the one
+before, as in a stream, and is otherwise reached at rest; to stop at the end of a stream, give its
+last point the velocity zero.
+
 A point is refused, with the reason, if it is not finite, not later than the last one, already past
 (stale), more than `horizon` ahead, outside the fence, or so far from the last one that it requires
 more than the airframe's speed. After the last point the vehicle brakes. The behavior fails after
@@ -15,16 +21,21 @@ more than the airframe's speed. After the last point the vehicle brakes. The beh
 from __future__ import annotations
 
 from collections import deque
+from itertools import islice
 from math import isfinite
+from typing import NamedTuple
 
-from kybflow.core.geometry import Vec3, distance, norm, wrap
+from kybflow.core.geometry import ZERO, Vec3, distance, norm, wrap
 from kybflow.core.signals import NS, Failed, PlannedPoint, Setpoint, SetpointKind, Tick, Time
 from kybflow.core.units import Duration
 from kybflow.flight.motion import Coast, Motion
-from kybflow.flight.trajectory import Knot, Quintic
+from kybflow.flight.trajectory import Knot, Quintic, vector_slopes
 from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
 _MOST_POINTS = 2000
+_FITTED, _STREAMED = 8, 0.5
+"""Largest number of points to come through which a curve is fitted, and the time between the last
+two, s, below which more are expected."""
 _SPEED_FACTOR = 1.05
 """Largest mean speed to a point, as a multiple of the airframe's speed."""
 
@@ -39,6 +50,14 @@ class TrajectoryInputParams:
     )
 
 
+class _Knot(NamedTuple):
+    """A point with its whole motion. time: seconds of the run. heading: as of a PlannedPoint."""
+
+    time: float
+    motion: Motion
+    heading: float | None
+
+
 class TrajectoryInput(
     Behavior[TrajectoryInputParams], flight=AIR >> AIR, emits=SetpointKind.POSITION
 ):
@@ -48,23 +67,23 @@ class TrajectoryInput(
         self._points: deque[PlannedPoint] = deque()
         self._coast, self._coasts_since = Coast.after(entry.motion), entry.now / NS
         self._now, self._before = entry.now / NS, entry.motion
-        self._from: PlannedPoint | None = None
+        self._from: _Knot | None = None
+        self._to: _Knot | None = None
         self._heading, self._rate = entry.heading, 0.0
 
     def take(self, point: PlannedPoint, now: Time) -> str | None:
         reason = self._objection(point, now / NS)
         if reason is None:
             if self._from is None:
-                x, v, a, _ = self._before
-                self._from = PlannedPoint(self._now, x, v, a, self._heading)
+                self._from = _Knot(self._now, self._before, self._heading)
             self._points.append(point)
         return reason
 
     def _objection(self, point: PlannedPoint, now: float) -> str | None:
-        numbers = (*point.position, *point.velocity, *point.acceleration, point.heading or 0.0)
+        velocity = point.velocity or ZERO
+        numbers = (*point.position, *velocity, *(point.acceleration or ZERO), point.heading or 0.0)
         if not all(map(isfinite, (point.time, *numbers))):
             return "the point is not finite"
-        before = self._points[-1] if self._points else self._from
         if self._points and point.time <= self._points[-1].time:
             return f"it is not later than the last point, of {self._points[-1].time:.3f} s"
         if point.time <= now:
@@ -74,21 +93,31 @@ class TrajectoryInput(
         fence = self._context.fence
         if fence is not None and (outside := fence.outside_by(point.position)) > 0.0:
             return f"it is {outside:.2f} m outside of the fence"
-        start, since = (self._before.position, now) if before is None else (before[1], before.time)
+        start, since = self._before.position, now
+        if self._points:
+            start, since = self._points[-1].position, self._points[-1].time
+        elif self._from is not None:
+            start, since = self._from.motion.position, self._from.time
         speed = distance(start, point.position) / max(point.time - since, 1e-6)
         most = self._context.airframe.speed
-        fastest = max(speed / _SPEED_FACTOR, norm(point.velocity))
+        fastest = max(speed / _SPEED_FACTOR, norm(velocity))
         if fastest > most:
-            return f"it needs {max(speed, norm(point.velocity)):.2f} m/s, {most:g} are allowed"
+            return f"it needs {max(speed, norm(velocity)):.2f} m/s, {most:g} are allowed"
         return None
 
     def update(self, tick: Tick) -> Setpoint | Failed:
         self._now = now = tick.now / NS
-        while self._points and self._points[0].time <= now:
-            self._from = self._points.popleft()
         start = self._from
-        if start is not None and self._points:
-            motion = self._between(start, self._points[0], now)
+        while start is not None and self._points:
+            if self._to is None:
+                self._to = self._completed(start)
+            if self._to.time > now:
+                break
+            self._points.popleft()
+            self._from, self._to = self._to, None
+            start = self._from
+        if start is not None and self._to is not None:
+            motion = self._between(start, self._to, now)
             self._coast, self._coasts_since = Coast.after(motion), now
             self.waits_for = None
         else:
@@ -101,7 +130,27 @@ class TrajectoryInput(
             return Failed(setpoint, f"no point has come for {self.params.timeout:g} s")
         return setpoint
 
-    def _between(self, a: PlannedPoint, b: PlannedPoint, now: float) -> Motion:
+    def _completed(self, start: _Knot) -> _Knot:
+        """Return the next point with its velocity and acceleration, fitted if it lacks them."""
+        ahead = list(islice(self._points, _FITTED))
+        time, position, velocity, acceleration, heading = ahead[0]
+        if velocity is None or acceleration is None:
+            times = [start.time, *(point.time for point in ahead)]
+            goes_on = times[-1] - times[-2] < _STREAMED
+            place, speed, pull, _ = start.motion
+            places = [place, *(point.position for point in ahead)]
+            fitted = vector_slopes(times, places, speed, goes_on=goes_on)
+            speeds = [
+                own if point.velocity is None else point.velocity
+                for own, point in zip(fitted[1:], ahead, strict=True)
+            ]
+            velocity = speeds[0]
+            if acceleration is None:
+                pulls = vector_slopes(times, [speed, *speeds], pull, goes_on=goes_on)
+                acceleration = pulls[1]
+        return _Knot(time, Motion(position, velocity, acceleration), heading)
+
+    def _between(self, a: _Knot, b: _Knot, now: float) -> Motion:
         span = b.time - a.time
         self._rate = 0.0
         if b.heading is not None:
@@ -110,7 +159,7 @@ class TrajectoryInput(
             self._heading = wrap(since + self._rate * (now - a.time))
         axes = [
             Quintic.between(start, end, span).at(now - a.time)
-            for start, end in zip(_axes(a), _axes(b), strict=True)
+            for start, end in zip(_axes(a.motion), _axes(b.motion), strict=True)
         ]
         position, velocity, acceleration, jerk = zip(*axes, strict=True)
         return Motion(position, velocity, acceleration, jerk)
@@ -120,7 +169,7 @@ class TrajectoryInput(
         return Footprint(() if entry is None else (entry,), 0.0, None, is_endless=True)
 
 
-def _axes(point: PlannedPoint) -> list[Knot]:
-    """Return the position, velocity and acceleration of a point along each axis."""
-    _, position, velocity, acceleration, _ = point
+def _axes(motion: Motion) -> list[Knot]:
+    """Return the position, velocity and acceleration of a motion along each axis."""
+    position, velocity, acceleration, _ = motion
     return [Knot(*axis) for axis in zip(position, velocity, acceleration, strict=True)]

@@ -206,10 +206,11 @@ def _track(rest: list[str]) -> TrackOrder | None:
 
 def _written(point: PlannedPoint) -> list[str]:
     """Return the words of a point, from which `_track` restores it exactly."""
-    vectors = (("position", point.position), ("velocity", point.velocity),
-               ("acceleration", point.acceleration))  # fmt: skip
     words = [f"time={point.time!r}"]
-    words += [f"{name}=[{x!r}, {y!r}, {z!r}]" for name, (x, y, z) in vectors]
+    for name in ("position", "velocity", "acceleration"):
+        vector = getattr(point, name)
+        if vector is not None:
+            words.append(f"{name}=[{', '.join(map(repr, vector))}]")
     return words if point.heading is None else [*words, f"heading={point.heading!r}"]
 
 

@@ -121,3 +121,44 @@ def test_a_planner_flies_a_vehicle_by_commands_that_are_recorded(tmp_path: Path)
     assert '"command_given"' in events
     assert "it is not later than the last point, of 10.000 s" in events
     assert "no point has come for 3 s" in events
+
+
+@pytest.mark.parametrize("ahead", [1, 4, 20])
+@pytest.mark.parametrize("tells_velocity", [False, True])
+def test_what_a_stream_leaves_out_is_fitted(ahead: int, tells_velocity: bool) -> None:
+    """A circle at 20 Hz, sent one point or more ahead."""
+
+    def at(time: float) -> Vec3:
+        return (0.5 * sin(time), 0.5 - 0.5 * cos(time), 1.0)
+
+    def speed(time: float) -> Vec3:
+        return (0.5 * cos(time), 0.5 * sin(time), 0.0)
+
+    flight, sent, off = Flight(), 0, []
+    assert flight.take(2.0, at(0.0), speed(0.0), (0.0, 0.5, 0.0)) is None
+    flight.fly(1.5)
+    for _ in range(round(4.0 / DT)):
+        while flight.now / NS + 0.05 * ahead > 2.0 + 0.05 * sent:
+            sent += 1
+            given = (speed(0.05 * sent),) if tells_velocity else ()
+            assert flight.take(2.0 + 0.05 * sent, at(0.05 * sent), *given) is None
+        setpoint = flight.fly(DT)
+        time = flight.now / NS - 2.0
+        if time > 0.5:
+            off.append(distance(setpoint.velocity, speed(time)))
+            assert distance(setpoint.position, at(time)) < 2e-3
+    assert max(off) < 0.02
+
+
+def test_a_lonely_point_is_reached_at_rest() -> None:
+    flight = Flight()
+    assert flight.take(2.0, (0.5, 0.0, 1.0)) is None
+    setpoint = flight.fly(2.0)
+    assert setpoint.position == pytest.approx((0.5, 0.0, 1.0), abs=1e-4)
+    assert setpoint.velocity == pytest.approx(ZERO, abs=1e-3)
+
+
+def test_a_point_is_written_as_it_is_left_out() -> None:
+    for more in ((), ((0.1, 0.0, 0.0),)):
+        order = TrackOrder("mk", PlannedPoint(1.5, (0.1, 0.2, 1.0), *more))
+        assert parse(text(order)) == order
