@@ -51,6 +51,7 @@ SIZES: dict[str, dict[str, Any]] = {
     "push": {"acceleration": (0.4, -0.3, 0.2)},
     "imu_bias_step": {"gyro": (0.005, -0.005, 0.005), "accelerometer": (0.05, 0.05, -0.05)},
     "mass_change": {"factor": 1.1},
+    "mocap_frame": {"exchanged": "xy"},
 }
 """Parameters of faults that have no default, or one that breaks nothing."""
 

@@ -437,6 +437,15 @@ class _Nobody:
 NOBODY: Neighbours = _Nobody()
 
 
+class WrongFrame(NamedTuple):
+    """What motion capture and IMU disagree about. reason: what would explain it, and what to check.
+    value: the difference of their accelerations, m/s^2. bound: the largest allowed one."""
+
+    reason: str
+    value: float
+    bound: float
+
+
 class Tick(NamedTuple):
     """What a vehicle's parts see in one tick.
 
@@ -447,7 +456,8 @@ class Tick(NamedTuple):
     vehicle's last measurement; other messages, such as heartbeats, don't count. link_delay: the
     round-trip time to the vehicle in seconds, zero while unknown. payload: where the payload is,
     None while unknown. inputs: the readings of the mission's inputs. neighbours: what the vehicles
-    have published in earlier ticks. moving: the moving obstacles.
+    have published in earlier ticks. moving: the moving obstacles. wrong_frame: why the frame of the
+    poses is wrong, None while nothing says so.
     """
 
     now: Time
@@ -464,6 +474,7 @@ class Tick(NamedTuple):
     inputs: InputReadings = NO_INPUTS
     neighbours: Neighbours = NOBODY
     moving: SeenObstacles = NO_OBSTACLES
+    wrong_frame: WrongFrame | None = None
 
     def known(self) -> Estimate:
         """Return the estimate. Raises EstimateMissing if there is none."""

@@ -57,7 +57,8 @@ class Session(ABC):
 class Driver(Part[P]):
     """Connects to the vehicles that use this driver.
 
-    accepts: kinds of command that the vehicles follow. provides: kinds of measurement. simulated:
+    accepts: kinds of command that the vehicles follow. provides: kinds of measurement. streams_imu:
+    the IMU arrives, some 25 times a second, even if nothing subscribes to it. simulated:
     the vehicles are simulated and can have faults. lands: the vehicles have a land mode, and their
     links implement `Lands`. lands_blind: the land mode needs no position; it also lands a vehicle
     that doesn't accept the commands of the built-in state `land_blind`. grips: the vehicles may
@@ -73,6 +74,7 @@ class Driver(Part[P]):
     helpers = frozenset({"emulation"})
     accepts: ClassVar[frozenset[CommandKind]]
     provides: ClassVar[frozenset[MeasurementKind]]
+    streams_imu: ClassVar[bool] = False
     simulated: ClassVar[bool] = False
     lands: ClassVar[bool] = False
     lands_blind: ClassVar[bool] = False

@@ -7,11 +7,13 @@ interrupt the mission as soon as the vehicle flew, the vehicle stays on the grou
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from math import degrees
 from typing import NamedTuple
 
-from kybflow.core.geometry import Vec3, distance
+from kybflow.core.geometry import Vec3, distance, heading_of, wrap
 from kybflow.core.params import named_in
-from kybflow.core.signals import Estimate, Imu, kind_name
+from kybflow.core.signals import Estimate, Imu, Pose, kind_name
+from kybflow.core.units import DEG
 from kybflow.dsl.plan import InputPlan, Plan
 from kybflow.parts.events import PreflightWaits
 from kybflow.runtime.clock import TickCount
@@ -30,6 +32,11 @@ MIN_RATE_HZ = 4.0
 and its rate appears lower between two measurements."""
 LEAST_TICKS = 0.5
 """The share of the ticks that the computer must make while the vehicles stand."""
+MOST_TURNED, MOST_SLANT = 35.0 * DEG, 15.0 * DEG
+"""Largest angles of an estimate's heading from the declared one, and of the vertical by motion
+capture from that by the accelerometer, rad."""
+MOST_SHAKE = 0.15
+"""Largest second difference of poses at rest, m: that of a noise of 4 cm."""
 _HOVER_HEIGHT = 0.3
 """Metres above the vehicle at which its distance from obstacles is checked."""
 
@@ -69,6 +76,8 @@ def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> Iterator[Preflight
     reason = "no report" if battery is None else f"{battery.remaining:.0%}"
     yield PreflightResult(name, "battery", battery is not None, reason, at)
     estimate, parts = vehicle.estimate, [e.part for e in vehicle.plan.estimators]
+    if Pose in vehicle.knowledge.needs:
+        yield _frame(vehicle, parts[0].at)
     if estimate is None:
         reason = f"no healthy estimate from {', '.join(part.name for part in parts)}"
         if vehicle.knowledge.cameras.is_blind:
@@ -78,6 +87,7 @@ def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> Iterator[Preflight
     reason = f"{estimate.source}, spread {estimate.spread * 1000:.1f} mm"
     yield PreflightResult(name, "estimate", True, reason, parts[0].at)
     yield _start(vehicle, estimate, others)
+    yield _heading(vehicle, estimate)
     yield from _surroundings(vehicle, estimate.position)
     for label, why, line in vehicle.foreseen({other.name: other.estimate for other in others}):
         yield PreflightResult(name, label, False, why, line)
@@ -168,6 +178,41 @@ def _start(vehicle: Vehicle, estimate: Estimate, others: Sequence[Vehicle]) -> P
         if there and other is not vehicle:
             reason += f"; the body of `{vehicle.name}` stands where `{other.name}` should start"
     return PreflightResult(vehicle.name, "start pose", green, reason, vehicle.plan.at)
+
+
+def _heading(vehicle: Vehicle, estimate: Estimate) -> PreflightResult:
+    """Check that the vehicle has its declared heading. If it hasn't, it may be its body in motion
+    capture that is turned."""
+    declared, found = vehicle.context.heading, heading_of(estimate.attitude)
+    off = abs(wrap(found - declared))
+    most = degrees(MOST_TURNED)
+    reason = f"{degrees(off):.0f} deg from the declared heading ({most:.0f} deg allowed)"
+    green = off <= MOST_TURNED
+    if not green:
+        reason += (
+            f": turn the vehicle, define its body anew with the x axis along the nose, or write"
+            f" `heading: {degrees(found):.0f} deg` in `start`"
+        )
+    return PreflightResult(vehicle.name, "heading", green, reason, vehicle.plan.at)
+
+
+def _frame(vehicle: Vehicle, at: str) -> PreflightResult:
+    """Check the poses of motion capture against gravity, and that they rest with the vehicle."""
+    frame, name = vehicle.knowledge.frame, vehicle.name
+    slant, most = frame.slant, degrees(MOST_SLANT)
+    if frame.shake > MOST_SHAKE:
+        reason = f"its poses at rest waver by {frame.shake:.2f} m: check the stream's `units`"
+        return PreflightResult(name, "frame", False, reason, at)
+    if slant is None:
+        reason = "not judged, as no IMU is heard: `units` and `axes` of the stream can't be checked"
+        return PreflightResult(name, "frame", True, reason, at)
+    green = slant <= MOST_SLANT
+    reason = f"{degrees(slant):.0f} deg off gravity ({most:.0f} deg allowed)"
+    if not green:
+        reason += ": define the vehicle's body anew while it stands level, or check the `axes`"
+    elif not frame.is_judged:
+        reason += "; the IMU is heard too seldom to check `units` and `axes` in flight"
+    return PreflightResult(name, "frame", green, reason, at)
 
 
 def _surroundings(vehicle: Vehicle, position: Vec3) -> Iterator[PreflightResult]:

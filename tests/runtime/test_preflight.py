@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from math import pi
 from types import SimpleNamespace
 
 import numpy
@@ -18,8 +19,8 @@ from toolchain import MISSIONS, invoke
 from kybflow.api.flight import inspect
 from kybflow.api.opening import assemble, open_devices
 from kybflow.core.errors import DriverError
-from kybflow.core.geometry import LEVEL
-from kybflow.core.signals import NS, Battery, Estimate, Frame, Pose, Reaction
+from kybflow.core.geometry import LEVEL, from_euler, from_heading, multiply, scale
+from kybflow.core.signals import NS, Battery, Estimate, Frame, Imu, Pose, Reaction
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, SensorPlan, TransitionPlan
 from kybflow.parts import Estimator, Sensor, Stream
@@ -48,9 +49,68 @@ def without(kind):
 def test_all_is_green_on_a_good_day_and_says_what_it_found():
     found = inspect(plan(flight())).lines
     assert {line.check for line in found} == {
-        "link", "watchdog", "pose stream", "battery", "estimate", "start pose", "fence",
+        "link", "watchdog", "pose stream", "battery", "estimate", "start pose", "heading", "frame",
+        "fence",
     }  # fmt: skip
     assert all(line.green and line.reason for line in found)
+
+
+class Heard(Bent):
+    """A bent link that also delivers the IMU."""
+
+    def subscribe(self, kinds):
+        self.link.subscribe(kinds)
+
+
+def heard(bend):
+    """The preflight of a vehicle whose measurements, the IMU's among them, are bent."""
+    return checks(flight(driver=wrapped(lambda _, link: Heard(link, bend))))
+
+
+def changed(change):
+    """The preflight of a vehicle all of whose poses are changed."""
+    return heard(lambda m, _: change(m) if isinstance(m, Pose) else m)
+
+
+def turned(by):
+    return lambda pose: pose._replace(attitude=multiply(pose.attitude, by))
+
+
+def test_a_body_that_is_turned_is_told_with_the_heading_that_it_has():
+    line = changed(turned(from_heading(0.5 * pi)))["a", "heading"]
+    assert not line.green
+    found = float(line.reason.partition(" ")[0])
+    assert found == pytest.approx(90.0, abs=4.0)  # the lab's misalignment
+    assert line.reason.endswith(f"or write `heading: {found:.0f} deg` in `start`")
+    assert line.at == "m.yaml:a"
+    assert changed(turned(from_heading(pi / 6)))["a", "heading"].green
+
+
+def test_a_body_that_is_tilted_against_gravity_is_told():
+    line = changed(turned(from_euler(0.35, 0.0, 0.0)))["a", "frame"]
+    assert not line.green
+    assert float(line.reason.partition(" ")[0]) == pytest.approx(20.0, abs=4.0)
+    assert "off gravity (15 deg allowed): define" in line.reason
+    assert changed(turned(from_euler(0.175, 0.0, 0.0)))["a", "frame"].green
+
+
+def test_millimetres_that_are_taken_for_metres_waver():
+    line = changed(lambda p: p._replace(position=scale(p.position, 1000.0)))["a", "frame"]
+    assert not line.green
+    assert line.reason.endswith("check the stream's `units`")
+
+
+@pytest.mark.parametrize("period", [None, 0.1])
+def test_without_an_imu_or_with_a_slow_one_it_says_what_it_cannot_judge(period):
+    def bend(measurement, now):
+        if not isinstance(measurement, Imu):
+            return measurement
+        return None if period is None else measurement._replace(dt=period)
+
+    line = heard(bend)["a", "frame"]
+    assert line.green
+    assert "`units` and `axes`" in line.reason
+    assert ("not judged" in line.reason) is (period is None)
 
 
 def test_nothing_arms():

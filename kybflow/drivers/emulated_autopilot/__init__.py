@@ -42,6 +42,7 @@ class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
 
     accepts = Mavlink.accepts
     provides = Mavlink.provides | {Pose}
+    streams_imu = Mavlink.streams_imu
     simulated: ClassVar[bool] = True
     lands: ClassVar[bool] = True
     lands_blind: ClassVar[bool] = True

@@ -50,6 +50,7 @@ class Mavlink(Driver[MavlinkParams]):
     lands: ClassVar[bool] = True
     lands_blind: ClassVar[bool] = True
     grips: ClassVar[bool] = True
+    streams_imu = True
     brings = ("simulated_camera", "simulated_motion_capture")
     preflight_timeout = 60.0
     targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {

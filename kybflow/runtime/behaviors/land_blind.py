@@ -18,9 +18,10 @@ at rest on the ground is known and taken as gravity (`kybflow.runtime.vehicle.kn
 later change then has this effect.
 
 It begins at the velocity of the last setpoint if that was within 0.3 m of the last estimate, else
-at that of the last estimate. The horizontal velocity is braked first, as hard as the airframe's
-largest tilt allows, by a model of the vehicle (`kybflow.flight.descent.BlindBrake`) in the heading
-of the last estimate. A bump against a wall or another vehicle is not taken for the floor.
+at that of the last estimate; if the frame of the estimate is wrong (`mocap_frame`), at the velocity
+by the IMU. The horizontal velocity is braked first, as hard as the airframe's largest tilt allows,
+by a model of the vehicle (`kybflow.flight.descent.BlindBrake`) in the vehicle's heading. A bump
+against a wall or another vehicle is not taken for the floor.
 
 If nothing has arrived from the vehicle for 0.25 s, no command is sent either: the vehicle lands by
 its own watchdog, which the preflight has checked and which reads the IMU.
@@ -103,11 +104,15 @@ class LandBlind(
         self._grounded, self._context = entry.flight is GROUND, entry.context
         self._hover = entry.hover_thrust
         self._most = entry.context.airframe.max_thrust
-        vx, vy, climb = entry.motion.velocity
-        ax, ay, _ = (entry.setpoint and entry.setpoint.acceleration) or ZERO
+        known, felt = entry.known, entry.felt_velocity
+        if felt is None:
+            vx, vy, climb = entry.motion.velocity
+            ax, ay, _ = (entry.setpoint and entry.setpoint.acceleration) or ZERO
+            self._heading = entry.heading if known is None else heading_of(known.attitude)
+        else:
+            vx, vy, climb = felt
+            ax = ay = self._heading = 0.0
         self._brake = BlindBrake((vx, vy), (ax, ay), entry.context.airframe)
-        known = entry.known
-        self._heading = entry.heading if known is None else heading_of(known.attitude)
         self._kick = min(max(-2.0 * climb / (GRAVITY * _ARREST_TIME_S), -_MAX_KICK), _MAX_KICK)
         self._descent: Descent | None = Descent(self._hover, self._most, climb, entry.resting_force)
         self._heard: Time = entry.now

@@ -11,6 +11,7 @@ from typing import Any
 from kybflow.core.errors import PartFailed
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import (
+    NEVER,
     NOBODY,
     NS,
     Battery,
@@ -22,6 +23,7 @@ from kybflow.core.signals import (
     MeasurementKind,
     Payload,
     PayloadState,
+    Pose,
     SeenObstacles,
     Sticks,
     Tick,
@@ -30,6 +32,7 @@ from kybflow.core.signals import (
     made,
 )
 from kybflow.dsl.plan import VehiclePlan
+from kybflow.flight.frame_check import FrameCheck
 from kybflow.parts import GROUND, Entry, Flight
 from kybflow.parts.events import PayloadAlreadyReleased, PayloadLoaded, PayloadReleased
 from kybflow.runtime.events import Events, VehicleObserver
@@ -164,6 +167,7 @@ class Knowledge:
     """The estimate and the latest battery, IMU and stick measurements, each None before the first.
 
     resting: the accelerometer's bias at rest.
+    frame: compares the poses with the IMU.
     needs: the kinds of measurement that the estimators use.
     now: the time of the last update.
     report: is called with the failure of a part.
@@ -188,6 +192,7 @@ class Knowledge:
         self.imu: Imu | None = None
         self.sticks: Sticks | None = None
         self.resting = RestingBias()
+        self.frame = FrameCheck()
         self.payload = PayloadTracker(plan.name, events)
         self.link_in = link
         self.estimation = Estimation(plan, context, events, score, report, self._known)
@@ -202,7 +207,12 @@ class Knowledge:
         needs = [e.part.cls.uses(e.part.params) for e in plan.estimators]
         self.needs: frozenset[MeasurementKind] = frozenset().union(*needs)
         tracker = plan.tracker
-        link.subscribe(self.needs | tracker.cls.uses(tracker.params))
+        kinds = self.needs | tracker.cls.uses(tracker.params)
+        if Pose not in self.needs:
+            self.frame.due = NEVER
+        elif not plan.driver.cls.streams_imu:
+            kinds |= {Imu}
+        link.subscribe(kinds)
 
     def update(self, now: Time, airborne: bool) -> Estimate | None:
         """Read the measurements; update and return the estimate. airborne: whether the vehicle
@@ -213,6 +223,8 @@ class Knowledge:
             measurements = self.sensing.merged(measurements, now, self._note)
         if measurements or now >= self._body.due:
             measurements = self._body.measured(measurements, now, airborne)
+        if now >= self.frame.due:
+            self.frame.see(measurements, self.resting.rotors_turn)
         if self.cameras.is_asked:
             measurements = self.cameras.measured(measurements, now, airborne)
         if self._faults is not None and self._faults.estimators:
@@ -274,6 +286,7 @@ class Knowledge:
 
     def _take_imu(self, imu: Imu, now: Time) -> None:
         self.imu = imu
+        self.frame.feel(imu)
         if not self.resting.rotors_turn:
             self.resting.add(imu)
 
@@ -317,6 +330,7 @@ class TickBuilder:
                 now, dt, (now - entered) / NS, knowledge.estimate, knowledge.battery,
                 self._control.followed, fleet, knowledge.imu, link.age, link.delay,
                 knowledge.payload.state, self._inputs, self._neighbours, self._moving,
+                knowledge.frame.wrong,
             ),
         )  # fmt: skip
 
@@ -332,7 +346,9 @@ class TickBuilder:
         knowledge, control, context = self._knowledge, self._control, self._context
         thrust = context.airframe.hover_thrust if flight is GROUND else control.hover_thrust()
         lift = knowledge.resting.specific_force
+        frame = knowledge.frame
         return Entry(
             knowledge.now, context, knowledge.estimate, control.followed, thrust, flight, lift,
             self._inputs, knowledge.estimation.lost,
+            None if frame.wrong is None else frame.velocity,
         )  # fmt: skip

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import random
 import statistics
 
 import pytest
 
-from kybflow.core.geometry import LEVEL, ZERO, distance, tilt_of
+from kybflow.core.geometry import LEVEL, ZERO, distance, heading_of, tilt_of
 from kybflow.core.signals import NS, Battery, Frame, Imu, Pose
 from kybflow.parts import ActiveFaults, Effect
 from kybflow.parts.catalog import load_catalog
@@ -29,6 +30,7 @@ SIMPLE = {
     "imu_bias_step": {"gyro": (0.1, 0.0, 0.0)},
     "clock_late": {},
     "mocap_frozen": {},
+    "mocap_frame": {"turned": 1.0},
     "mocap_jump": {},
     "camera_lost": {},
     "camera_frozen": {},
@@ -76,7 +78,7 @@ def passed(rig: ActiveFaults, measurement):
 
 def test_every_fault_of_the_catalog_is_here() -> None:
     assert set(SIMPLE) <= set(load_catalog().names("faults"))
-    assert len(SIMPLE) == 22
+    assert len(SIMPLE) == 23
 
 
 @pytest.mark.parametrize("name", SIMPLE)
@@ -173,6 +175,30 @@ def test_mocap_jump_moves_poses_by_its_offset() -> None:
     )
     assert passed(rig, POSE) == POSE._replace(position=(2.0, 0.0, 3.5))
     assert passed(rig, IMU) is IMU
+
+
+@pytest.mark.parametrize(
+    ("given", "position", "turn"),
+    [
+        ({"factor": 0.001}, (0.001, 0.002, 0.003), (0.1, 0.2, 0.3)),
+        ({"mirrored": "y"}, (1.0, -2.0, 3.0), (-0.1, 0.2, -0.3)),
+        ({"exchanged": "xy"}, (2.0, 1.0, 3.0), (-0.2, -0.1, -0.3)),
+        ({"exchanged": "yz", "mirrored": "y"}, (1.0, -3.0, 2.0), (0.1, -0.3, 0.2)),
+    ],
+)
+def test_mocap_frame_gives_poses_in_other_axes(given, position, turn) -> None:
+    """Rotations turn with the axes, and the other way round where one axis is mirrored."""
+    rig, w = rig_of(effect_of("mocap_frame", **given)), 0.9273618495495703
+    pose = passed(rig, POSE._replace(attitude=(w, 0.1, 0.2, 0.3)))
+    assert pose.position == pytest.approx(position)
+    assert pose.attitude == pytest.approx((w, *turn))
+    assert passed(rig, IMU) is IMU
+
+
+def test_mocap_frame_turns_the_body_and_no_position() -> None:
+    pose = passed(rig_of(effect_of("mocap_frame", turned=math.pi / 2)), POSE)
+    assert pose.position == POSE.position
+    assert heading_of(pose.attitude) == pytest.approx(math.pi / 2)
 
 
 def test_camera_lost_loses_frames_and_nothing_else() -> None:

@@ -1,0 +1,473 @@
+"""Compares the motion that motion capture measures with the motion that the IMU measures.
+
+If the units, the axes or the body's heading are not what the mission declares of a stream, its
+poses are consistent with each other and wrong, so no filter of poses can notice. The IMU can. From
+rest, where its errors and its angle to the body are learned, its rates w and specific forces f are
+integrated to an attitude R, a velocity v and a position x in the frame of the poses:
+
+    R' = R [w],    v' = R f - g e3,    x' = v
+
+R follows the attitude of the poses with the time constant `FOLLOWS`, because the integral of w
+drifts. v and x drift too, but a constant and a linear error of x vanish in the second difference
+over three moments h apart, which for the positions p of the poses and for x is the mean
+acceleration, weighted by a triangle (as if two accelerometers were compared):
+
+    a(y) = (y(t) - 2 y(t - h) + y(t - 2 h)) / h^2,    difference = a(p) - a(x)
+
+The frame is wrong if along the vertical, or across it, the difference exceeds both of
+
+    LIMIT + 4 deviations of the noise,    and    DISAGREES times the larger of |a(p)| and |a(x)|
+
+in `CONFIRMED` comparisons in a row. The noise is that of the poses, measured by their second
+differences over three comparisons in a row, and that of the IMU. The second bound is never exceeded
+by a body that is turned by 30 degrees or a scale that is 10 % off, but by an exchanged, mirrored or
+missing axis, by a turn of 90 degrees or more, and by millimetres taken for metres.
+
+World frame and body frame as in `kybflow.core.geometry`; metres, seconds, radians. No value of the
+simulator is used: only poses and IMU samples.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Sequence
+from itertools import permutations, product
+from math import acos, hypot, sqrt
+from typing import NamedTuple
+
+from kybflow.core.geometry import (
+    GRAVITY,
+    LEVEL,
+    UP,
+    ZERO,
+    Quat,
+    Vec3,
+    add,
+    conjugate,
+    cross,
+    distance,
+    dot,
+    integrate,
+    multiply,
+    norm,
+    rotate,
+    rotate_back,
+    scale,
+    sub,
+)
+from kybflow.core.signals import NS, Imu, Measurement, Pose, Time, WrongFrame
+
+STEP: Time = NS // 21
+"""Least time between two comparisons, ns: 50 ms with 100 or 120 poses a second."""
+SIDE = 3
+"""Comparisons in h, so that h is 0.15 s."""
+LONGEST = 1.0
+"""Longest time of the three moments, s; after a longer one, poses were lost."""
+LIMIT = 0.6
+"""The difference of accelerations below which nothing is wrong, m/s^2."""
+_CALM = (0.5 * LIMIT) ** 2
+DISAGREES = 0.65
+CONFIRMED = 3
+SURE = 4.0
+FOLLOWS, EVERY = 4.0, 5
+"""Time constant with which the attitude follows the poses, s, and how many comparisons pass between
+two corrections."""
+MEMORY = 0.05
+"""Share of a new sample in the running noise."""
+LEAP = 0.015
+"""A second difference of three comparisons in a row above which the poses jumped, m, if the next
+one is opposite, as it never is in a wrong frame."""
+REST = 0.5
+"""Seconds over which the IMU at rest is averaged."""
+KNOWN, STIRRED = 0.1, 0.5
+"""Seconds at rest after which the specific force there is known, and a change of it that shows that
+the vehicle moves, m/s^2."""
+SETTLES, ELSEWHERE = NS, 3 * NS
+"""Time after which it rests again, and after which it stands otherwise than before, ns."""
+RESOLVES = 0.0125
+"""Longest interval (s) of IMU samples that don't miss a blow such as the touch-down. Otherwise the
+blow is in all comparisons of 2 h, so that as many more in a row must show a wrong frame."""
+COARSEST, GAP, KEPT = 0.045, NS // 8, 64
+"""Longest interval of IMU samples of which the integral is exact enough, s: autopilots send 25 a
+second. Longest gap between samples, ns. How many are kept until the next pose."""
+JOLT = 3.0 * GRAVITY
+"""Specific force, m/s^2, of a blow that samples don't resolve."""
+MOST_BIAS = 1.5
+"""Largest plausible difference of the specific force at rest from gravity, m/s^2."""
+
+
+class _Moment(NamedTuple):
+    """time: s. apart: the position of the poses less that of the IMU. moved: that of the IMU."""
+
+    time: float
+    apart: Vec3
+    moved: Vec3
+
+
+class FrameCheck:
+    """The check of one vehicle.
+
+    due: the time of the next pose to process.
+    wrong: the finding, None without one.
+    slant: the angle between the vertical by the poses and by the accelerometer at rest, rad; None
+    while unknown. shake: how far the poses at rest are from steady, m.
+    """
+
+    __slots__ = (
+        "_across",
+        "_agrees",
+        "_attitude",
+        "_bias",
+        "_coarse",
+        "_felt",
+        "_jolted",
+        "_leap",
+        "_levelled",
+        "_moments",
+        "_moved",
+        "_noise",
+        "_offset",
+        "_pairs",
+        "_rested",
+        "_rests",
+        "_seen",
+        "_seldom",
+        "_shaking",
+        "_since",
+        "_slope",
+        "_steps",
+        "_still",
+        "_stirred",
+        "_turned",
+        "_upward",
+        "_velocity",
+        "_waiting",
+        "due",
+        "shake",
+        "slant",
+        "wrong",
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.due: Time = 0
+        self.wrong: WrongFrame | None = None
+        self.slant: float | None = None
+        self.shake = 0.0
+        self._waiting: deque[Imu] = deque(maxlen=KEPT)
+        self._since = self._still = 0
+        self._stirred: Time = -SETTLES
+        self._rests = self._jolted = self._agrees = False
+        self._coarse = self._seldom = True
+        self._rested, self._felt, self._turned, self._levelled = 0.0, ZERO, ZERO, LEVEL
+        self._bias = self._noise = self._shaking = 0.0
+        self._seen: tuple[Vec3, ...] = ()
+        self._attitude: Quat = LEVEL
+        self._velocity = self._moved = self._offset = self._slope = self._leap = ZERO
+        self._moments: deque[_Moment] = deque(maxlen=2 * SIDE + 1)
+        self._pairs: deque[tuple[Vec3, Vec3]] = deque(maxlen=2 * SIDE)
+        self._upward = self._across = self._steps = 0
+
+    @property
+    def is_judged(self) -> bool:
+        """Whether the frame can be judged in flight: the IMU was heard at rest, often enough."""
+        return self._rested > 0.0 and not self._seldom
+
+    @property
+    def velocity(self) -> Vec3:
+        """The velocity by the IMU, from rest or from the last time when the poses agreed with it,
+        in the vehicle's heading: forward, left and up, m/s."""
+        x, y, z = add(self._velocity, self._offset)
+        fx, fy, _ = rotate(self._attitude, (1.0, 0.0, 0.0))
+        n = hypot(fx, fy) or 1.0
+        fx, fy = fx / n, fy / n
+        return (fx * x + fy * y, fx * y - fy * x, z)
+
+    def feel(self, imu: Imu) -> None:
+        """Add an IMU sample."""
+        self._waiting.append(imu)
+
+    def see(self, measurements: Sequence[Measurement], rotors_turn: bool) -> None:
+        """Process the first pose among the measurements that is due, and the IMU samples before it.
+        rotors_turn: whether the rotors turn, so that the vehicle may fly."""
+        for measurement in measurements:
+            if isinstance(measurement, Pose) and measurement.time >= self.due:
+                break
+        else:
+            return
+        pose, samples, time = measurement, self._waiting, measurement.time
+        elapsed = time - self._since
+        if not samples and elapsed < GAP:
+            return
+        self._since = time
+        self.due = time + STEP
+        seconds, late = 0.0, 0.0
+        angle = gained = ZERO
+        if samples:
+            times, periods, forces, rates = zip(*samples, strict=True)
+            seconds, late = sum(periods), (times[-1] - time) / NS
+            share = seconds / len(samples)
+            fx, fy, fz = map(sum, zip(*forces, strict=True))
+            wx, wy, wz = map(sum, zip(*rates, strict=True))
+            gained = (share * fx, share * fy, share * fz)
+            angle = (share * wx, share * wy, share * wz)
+            change = forces[-1][2] - forces[0][2]
+            self._jolted = change * change > JOLT * JOLT
+            self._shaking += MEMORY * (0.5 * share * change * change - self._shaking)
+            self._coarse = share > RESOLVES
+            self._seldom = share > COARSEST
+            samples.clear()
+        if not rotors_turn and self._is_still(time, gained, seconds):
+            self._rest(pose, angle, gained, seconds)
+            self.due = time + 1
+            return
+        if self._rests:
+            self._rests = False
+            self._begin()
+        if not 0.5 * elapsed < seconds * NS < 2.0 * elapsed or self._jolted:
+            self._begin()
+            self._attitude = multiply(pose.attitude, self._levelled)
+        elif self.is_judged:
+            self._move(angle, gained, seconds)
+            self._compare(time, pose.position, late)
+            self._steps += 1
+            if self._steps % EVERY == 0:
+                self._follow(pose, EVERY * seconds / FOLLOWS)
+
+    def _is_still(self, time: Time, gained: Vec3, seconds: float) -> bool:
+        """Return whether a vehicle whose rotors should rest has been still for long enough: an
+        autopilot may lift it already, and a hand may carry it."""
+        if seconds > 0.0 and self._rested >= KNOWN:
+            if distance(scale(gained, 1.0 / seconds), self._felt) <= STIRRED:
+                self._still = time
+            else:
+                self._stirred = time
+                if time - self._still > ELSEWHERE:
+                    self._rested = 0.0  # it stands on a slope now
+                    self._stirred = time - SETTLES
+        return time - self._stirred >= SETTLES
+
+    def _rest(self, pose: Pose, angle: Vec3, gained: Vec3, seconds: float) -> None:
+        """Learn the IMU's errors at rest, and its angle to the body."""
+        if seconds > 0.0:
+            self._rested = min(self._rested + seconds, REST)
+            share = seconds / self._rested
+            self._felt = _mixed(self._felt, scale(gained, 1.0 / seconds), share)
+            self._turned = _mixed(self._turned, scale(angle, 1.0 / seconds), share)
+            weight = norm(self._felt)
+            if abs(weight - GRAVITY) <= MOST_BIAS:
+                self._bias = weight - GRAVITY
+                up, felt = rotate_back(pose.attitude, UP), scale(self._felt, 1.0 / weight)
+                cosine = max(-1.0, min(1.0, dot(up, felt)))
+                self.slant = acos(cosine)
+                x, y, z = cross(felt, up)
+                n = sqrt(x * x + y * y + z * z + (1.0 + cosine) ** 2)
+                self._levelled = LEVEL if n < 1e-6 else ((1.0 + cosine) / n, x / n, y / n, z / n)
+        self._velocity = self._moved = self._offset = ZERO
+        self.wrong, self._rests = None, True
+        seen = self._seen
+        self._seen = (*seen[-1:], pose.position)
+        if len(seen) > 1:
+            leap = add(sub(pose.position, seen[-1]), sub(seen[-2], seen[-1]))
+            self._noise += MEMORY * (dot(leap, leap) - self._noise)
+            self.shake = sqrt(self._noise)
+        self._attitude = multiply(pose.attitude, self._levelled)
+
+    def _begin(self) -> None:
+        """Begin anew: poses jumped, samples are missing, or a blow was not resolved."""
+        self._moments.clear()
+        self._agrees, self._upward, self._across = False, 0, 0
+
+    def _move(self, angle: Vec3, gained: Vec3, seconds: float) -> None:
+        """Integrate the IMU."""
+        gx, gy, gz = gained
+        ax, ay, az = angle
+        bx, by, bz = self._turned
+        turned = ax, ay, az = ax - seconds * bx, ay - seconds * by, az - seconds * bz
+        dx, dy, dz = rotate(  # at the attitude in the middle: f + w x f / 2
+            self._attitude,
+            (
+                gx + 0.5 * (ay * gz - az * gy),
+                gy + 0.5 * (az * gx - ax * gz),
+                gz + 0.5 * (ax * gy - ay * gx),
+            ),
+        )
+        dz -= (GRAVITY + self._bias) * seconds
+        vx, vy, vz = self._velocity
+        px, py, pz = self._moved
+        self._moved = (
+            px + seconds * (vx + 0.5 * dx),
+            py + seconds * (vy + 0.5 * dy),
+            pz + seconds * (vz + 0.5 * dz),
+        )
+        self._velocity = (vx + dx, vy + dy, vz + dz)
+        self._attitude = integrate(self._attitude, turned, 1.0)
+
+    def _follow(self, pose: Pose, share: float) -> None:
+        """Move the attitude and the velocity towards those of the poses, as far as these agree with
+        the IMU."""
+        attitude = self._attitude
+        w, x, y, z = multiply(conjugate(attitude), multiply(pose.attitude, self._levelled))
+        self._attitude = integrate(attitude, (x, y, z), share * (2.0 if w > 0.0 else -2.0))
+        if self._agrees:
+            self._offset = _mixed(self._offset, self._slope, share)
+
+    def _compare(self, time: Time, seen: Vec3, late: float) -> None:
+        """Compare the accelerations. late: by how much the IMU is newer than the pose, s."""
+        px, py, pz = seen
+        mx, my, mz = self._moved
+        vx, vy, vz = self._velocity
+        x, y, z = mx - late * vx, my - late * vy, mz - late * vz
+        moments, now = self._moments, time / NS
+        apart = ax, ay, az = px - x, py - y, pz - z
+        if moments:
+            before = moments[-1]
+            bx, by, bz = before.apart
+            soon = now - before.time
+            slope = sx, sy, sz = (ax - bx) / soon, (ay - by) / soon, (az - bz) / soon
+            tx, ty, tz = self._slope
+            self._slope = slope
+            if len(moments) > 1 and self._leaps(
+                (soon * (sx - tx), soon * (sy - ty), soon * (sz - tz))
+            ):
+                self._begin()
+        moments.append(_Moment(now, apart, (x, y, z)))
+        if len(moments) <= 2 * SIDE:
+            return
+        first, middle = moments[0], moments[SIDE]
+        early, soon = middle.time - first.time, now - middle.time
+        if early + soon > LONGEST:
+            return
+        ex, ey, ez = off = _bend(first.apart, middle.apart, apart, early, soon)
+        across = ex * ex + ey * ey
+        self._agrees = across < _CALM and ez * ez < _CALM
+        if self._agrees:
+            self._upward = self._across = 0
+        else:
+            felt = _bend(first.moved, middle.moved, (x, y, z), early, soon)
+            area = early * soon
+            spread = self._noise / (3.0 * area * area) + self._shaking / (1.5 * soon)
+            self._judge(off, felt, LIMIT + SURE * sqrt(spread))
+
+    def _leaps(self, leap: Vec3) -> bool:
+        """Update the noise of the poses by their second difference (m); return whether they jumped
+        in the last step but one."""
+        before, self._leap = self._leap, leap
+        square = dot(leap, leap)
+        if square > LEAP * LEAP and dot(leap, before) < -0.25 * LEAP * LEAP:
+            return True
+        self._noise += MEMORY * (min(square, LEAP * LEAP) - self._noise)
+        return False
+
+    def _judge(self, off: Vec3, felt: Vec3, least: float) -> None:
+        """Compare what was felt with the difference from what was seen, m/s^2. least: the largest
+        difference by noise."""
+        ex, ey, ez = off
+        gx, gy, gz = felt
+        seen = sx, sy, sz = gx + ex, gy + ey, gz + ez
+        up, across = abs(ez), hypot(ex, ey)
+        up_bound = max(least, DISAGREES * max(abs(gz), abs(sz)))
+        across_bound = max(least, DISAGREES * max(hypot(gx, gy), hypot(sx, sy)))
+        self._upward = self._upward + 1 if up > up_bound else 0
+        self._across = self._across + 1 if across > across_bound else 0
+        self._pairs.append((seen, felt))
+        needed = CONFIRMED + 2 * SIDE if self._coarse else CONFIRMED
+        if self.wrong is None and max(self._upward, self._across) >= needed:
+            value, bound = (up, up_bound) if self._upward else (across, across_bound)
+            self.wrong = WrongFrame(explained(self._pairs), value, bound)
+
+
+def _mixed(old: Vec3, new: Vec3, share: float) -> Vec3:
+    """Return the mean of two vectors, in which the new one has a share."""
+    return add(scale(old, 1.0 - share), scale(new, share))
+
+
+def _bend(a: Vec3, b: Vec3, c: Vec3, early: float, soon: float) -> Vec3:
+    """Return the acceleration (m/s^2) of a motion from `a` to `b` in `early` seconds and on to `c`
+    in `soon` seconds."""
+    k = 2.0 / (early + soon)
+    h, k = k / early, k / soon
+    ax, ay, az = a
+    bx, by, bz = b
+    cx, cy, cz = c
+    return (
+        k * (cx - bx) - h * (bx - ax),
+        k * (cy - by) - h * (by - ay),
+        k * (cz - bz) - h * (bz - az),
+    )
+
+
+_NAMES = "xyz"
+_FITS, _WELL, _EXPLAINS = 1.25, 0.05, 0.4
+"""How much worse than the best explanation another one may fit, and the shares of the
+accelerations' squares that a good explanation may leave, and the best one."""
+
+
+class _Axes(NamedTuple):
+    """Axes in which poses may be: the position along axis i is sign[i] times that along order[i] of
+    the declared axes. words: how this shows."""
+
+    words: str
+    order: tuple[int, int, int]
+    sign: Vec3
+
+    def left(self, seen: Vec3, felt: Vec3) -> float:
+        """Return the square of what these axes leave unexplained."""
+        i, j, k = self.order
+        sx, sy, sz = self.sign
+        x, y, z = seen
+        return (x - sx * felt[i]) ** 2 + (y - sy * felt[j]) ** 2 + (z - sz * felt[k]) ** 2
+
+
+def explained(pairs: Iterable[tuple[Vec3, Vec3]]) -> str:
+    """Return what explains that motion capture saw other accelerations than the IMU felt, and what
+    to check: another scale, or the axes of which up to three fit best. pairs: (seen, felt), m/s^2,
+    in the frame of the poses."""
+    both = list(pairs)
+    felt_square = sum(dot(felt, felt) for _, felt in both)
+    total = felt_square + sum(dot(seen, seen) for seen, _ in both)
+    factor = max(sum(dot(seen, felt) for seen, felt in both) / max(felt_square, 1e-9), 0.0)
+    scaled = sum(_square(sub(seen, scale(felt, factor))) for seen, felt in both)
+    rest = [sum(axes.left(seen, felt) for seen, felt in both) for axes in _ALL_AXES]
+    least = min(rest)
+    if min(least, scaled) > _EXPLAINS * total:
+        return (
+            "motion capture and IMU disagree about the motion: check the stream's `units` and"
+            " `axes`, and the body's heading"
+        )
+    enough = max(_FITS * least, _WELL * total)
+    if scaled <= enough:
+        return f"motion capture shows {factor:.2g} times the motion: check the stream's `units`"
+    fitting = zip(_ALL_AXES, rest, strict=True)
+    words = dict.fromkeys(axes.words for axes, left in fitting if left <= enough)
+    return (
+        f"motion capture shows {' or '.join(list(words)[:3])}: check the stream's `axes`, and that"
+        " the body's x axis points along the nose"
+    )
+
+
+def _square(a: Vec3) -> float:
+    return dot(a, a)
+
+
+def _all_axes() -> tuple[_Axes, ...]:
+    """Return all axes but the declared ones, the likeliest first."""
+    turned, exchanged, tipped = [], [], []
+    for i, j, k in permutations(range(3)):
+        for x, y, z in product((1.0, -1.0), repeat=3):
+            order, sign = (i, j, k), (x, y, z)
+            if k != 2 or z < 0.0:
+                where = order.index(2)
+                name = ("" if sign[where] > 0.0 else "-") + _NAMES[where]
+                tipped.append(_Axes(f"upward motion along {name}", order, sign))
+            elif x * y > 0.0 and i == 1:
+                exchanged.append(_Axes("x and y exchanged", order, sign))
+            elif x * y < 0.0 and i == 0:
+                flipped = "x" if x < 0.0 else "y"
+                exchanged.append(_Axes(f"{flipped} mirrored", order, sign))
+            elif x < 0.0 or i == 1:
+                turn = 180 if i == 0 else 90 if y > 0.0 else -90
+                turned.append(_Axes(f"the motion turned by {turn} deg", order, sign))
+    return (*turned, *exchanged, *tipped)
+
+
+_ALL_AXES = _all_axes()

@@ -1,0 +1,261 @@
+"""frame_check: a wrong frame is told from the motion that shows it, and a right one never."""
+
+from __future__ import annotations
+
+import random
+from math import cos, pi, radians, sin
+
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from kybflow.core.geometry import (
+    GRAVITY,
+    LEVEL,
+    ZERO,
+    Quat,
+    Vec3,
+    add,
+    conjugate,
+    from_euler,
+    from_heading,
+    from_thrust_direction,
+    multiply,
+    norm,
+    rotate_back,
+    scale,
+)
+from kybflow.core.signals import NS, Imu, Pose, WrongFrame
+from kybflow.flight.frame_check import FrameCheck, explained
+
+RATE, REST = 125, 0.2
+"""IMU samples and poses a second; seconds at rest before the motion."""
+
+
+class Motion:
+    """A swing along each axis from rest at time 0, with a(t) = s w^2 sin(w t). swings: s in
+    metres and w in rad/s, of each axis."""
+
+    def __init__(self, swings: tuple[tuple[float, float], ...], heading: float = 0.0) -> None:
+        self._swings, self._heading = swings, heading
+
+    def position(self, t: float) -> Vec3:
+        x, y, z = (s * (w * t - sin(w * t)) if t > 0.0 else 0.0 for s, w in self._swings)
+        return (x, y, z)
+
+    def velocity(self, t: float) -> Vec3:
+        x, y, z = (s * w * (1.0 - cos(w * t)) if t > 0.0 else 0.0 for s, w in self._swings)
+        return (x, y, z)
+
+    def acceleration(self, t: float) -> Vec3:
+        x, y, z = (s * w * w * sin(w * t) if t > 0.0 else 0.0 for s, w in self._swings)
+        return (x, y, z)
+
+    def attitude(self, t: float) -> Quat:
+        force = add(self.acceleration(t), (0.0, 0.0, GRAVITY))
+        return from_thrust_direction(force, self._heading + 0.3 * sin(max(t, 0.0)))
+
+
+def told(
+    motion: Motion,
+    change=lambda position, attitude: (position, attitude),
+    seconds: float = 3.0,
+    mount: Quat = LEVEL,
+    bias: Vec3 = ZERO,
+    noise: float = 0.0005,
+    latency: int = 1,
+    lost=lambda k: False,
+) -> tuple[WrongFrame | None, float]:
+    """(the finding, when). change: what the stream does to a pose. mount: the attitude of the IMU
+    in the body. lost: which IMU samples are."""
+    check, rng, dt = FrameCheck(), random.Random(1), 1.0 / RATE
+    substeps = 2
+    for k in range(round((seconds + REST) * RATE)):
+        t = k * dt - REST
+        forces = turns = ZERO
+        for i in range(substeps):
+            at = t - dt * (i + 0.5) / substeps
+            q, later = motion.attitude(at), motion.attitude(at + 1e-4)
+            _, x, y, z = multiply(conjugate(q), later)
+            turns = add(turns, scale((x, y, z), 2.0 / 1e-4 / substeps))
+            force = rotate_back(q, add(motion.acceleration(at), (0.0, 0.0, GRAVITY)))
+            forces = add(forces, scale(force, 1.0 / substeps))
+        shaken = add(forces, (rng.gauss(0.0, 0.3), rng.gauss(0.0, 0.3), rng.gauss(0.0, 0.5)))
+        felt = add(rotate_back(mount, shaken), bias)
+        time = round((t + REST + 1.0) * NS)
+        measured = [] if lost(k) else [Imu(time, dt, felt, rotate_back(mount, turns))]
+        then = t - latency * dt
+        place = add(motion.position(then), tuple(rng.gauss(0.0, noise) for _ in range(3)))
+        pose = Pose(time - round(latency * dt * NS), *change(place, motion.attitude(then)))
+        for imu in measured:
+            check.feel(imu)
+        check.see([pose], t > 0.0)
+        if check.wrong is not None:
+            return check.wrong, t
+    return None, seconds
+
+
+def frame(order=(0, 1, 2), sign=(1.0, 1.0, 1.0), factor=1.0, turned=0.0, stiff=False):
+    """What a stream in other axes makes of a pose."""
+    i, j, _ = order
+    hand = sign[0] * sign[1] * sign[2] * (1.0 if (j - i) % 3 == 1 else -1.0)
+
+    def change(place, attitude):
+        w, *turn = attitude
+        axis = attitude if stiff else (w, *(hand * s * turn[n] for s, n in zip(sign, order)))  # noqa: B905
+        x, y, z = (factor * s * place[n] for s, n in zip(sign, order))  # noqa: B905
+        return (x, y, z), multiply(axis, from_heading(turned))
+
+    return change
+
+
+SWING = st.tuples(st.floats(0.1, 0.6), st.floats(1.0, 3.0))
+
+
+@settings(max_examples=25, deadline=None, phases=[Phase.generate])
+@given(
+    swings=st.tuples(SWING, SWING, SWING),
+    heading=st.floats(-pi, pi),
+    turned=st.floats(-30.0, 30.0),
+    roll=st.floats(-10.0, 10.0),
+    factor=st.floats(0.9, 1.1),
+    bias=st.tuples(*[st.floats(-0.15, 0.15)] * 3),
+    latency=st.integers(0, 6),
+)
+def test_what_labs_get_slightly_wrong_is_no_alarm(
+    swings, heading, turned, roll, factor, bias, latency
+):
+    """A body defined turned by 30 and rolled by 10 degrees, a scale of 0.9, biases, late poses."""
+
+    def change(place, attitude):
+        tilted = from_euler(radians(roll), 0.0, radians(turned))
+        return scale(place, factor), multiply(attitude, tilted)
+
+    found, when = told(Motion(swings, heading), change, bias=bias, latency=latency)
+    assert found is None, (when, found)
+
+
+LIVELY = st.tuples(st.floats(0.3, 0.6), st.floats(2.5, 3.5))
+WRONG = {
+    "metres read as mm": (frame(factor=1e-3), "times the motion: check the stream's `units`"),
+    "cm read as metres": (frame(factor=100.0), "times the motion: check the stream's `units`"),
+    "feet read as metres": (frame(factor=3.28), "times the motion: check the stream's `units`"),
+    "z-up read as y-up": (frame((0, 2, 1), (1.0, -1.0, 1.0)), "upward motion along -y"),
+    "z upside down": (frame(sign=(1.0, 1.0, -1.0), stiff=True), "upward motion along -z"),
+    "body turned by 90": (frame(turned=0.5 * pi), "turned by -90 deg"),
+    "body turned by 180": (frame(turned=pi), "turned by 180 deg"),
+    "x and y exchanged": (frame((1, 0, 2)), "x and y exchanged"),
+    "exchanged, the attitude right": (frame((1, 0, 2), stiff=True), "x and y exchanged"),
+    "y mirrored": (frame(sign=(1.0, -1.0, 1.0)), "y mirrored"),
+    "y mirrored, the attitude right": (frame(sign=(1.0, -1.0, 1.0), stiff=True), "y mirrored"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+@settings(max_examples=5, deadline=None, phases=[Phase.generate])
+@given(along=LIVELY, across=LIVELY, up=LIVELY, heading=st.floats(-0.5, 0.5))
+def test_a_wrong_frame_is_told_in_half_a_second_with_what_explains_it(
+    name, along, across, up, heading
+):
+    change, words = WRONG[name]
+    (one, slow), (two, fast) = along, across
+    # less along x, so that an exchange of the two can't pass for a turn
+    swings = ((0.3 * one, slow), (-two, fast), up)
+    motion = Motion(swings, heading)
+    found, when = told(motion, change)
+    assert found is not None
+    assert norm(motion.velocity(when - 0.5)) <= 0.3
+    assert words in found.reason
+    assert "check the stream's" in found.reason
+    assert found.value > found.bound
+
+
+@pytest.mark.parametrize("size", [0.01, 0.02, 0.04, 0.1, 0.4])
+def test_a_jump_of_the_poses_is_none_of_a_frame(size):
+    """Once and for all, then back: an origin set anew."""
+    motion = Motion(((0.3, 2.0), (0.2, 1.5), (0.4, 1.0)))
+    jumped = [0]
+
+    def change(place, attitude):
+        jumped[0] += 1
+        return add(place, (size if jumped[0] % 200 > 100 else 0.0, 0.0, 0.0)), attitude
+
+    assert told(motion, change)[0] is None
+
+
+def test_poses_noisier_than_any_wrong_frame_are_not_judged():
+    assert told(Motion(((0.3, 2.0), (0.2, 1.5), (0.4, 1.0))), noise=0.03)[0] is None
+
+
+def test_lost_imu_samples_are_no_motion():
+    motion = Motion(((0.5, 3.0), (0.4, 2.5), (0.5, 2.0)))
+    assert told(motion, lost=lambda k: k % 60 > 40)[0] is None
+
+
+def test_an_imu_that_is_mounted_askew_is_levelled_at_rest():
+    motion = Motion(((0.5, 3.0), (0.4, 2.5), (0.5, 2.0)))
+    assert told(motion, mount=from_euler(0.2, -0.1, 0.0))[0] is None
+
+
+def test_an_autopilot_that_lifts_off_before_it_follows_commands_is_not_at_rest():
+    """What its IMU feels in the climb is no bias."""
+    motion, check = Motion(((0.0, 1.0), (0.0, 1.0), (0.4, 2.5))), FrameCheck()
+    for k in range(1, 250):
+        time, t = k * NS // 100, (k - 50) / 100
+        force = (0.0, 0.0, GRAVITY + motion.acceleration(t - 0.005)[2])
+        check.feel(Imu(time, 0.01, force, ZERO))
+        check.see([Pose(time, motion.position(t), LEVEL)], rotors_turn=t > 0.5)
+        assert check.wrong is None
+
+
+@pytest.mark.parametrize(("factor", "tells"), [(1.0, False), (1e-3, True)])
+def test_a_slow_imu_misses_blows_and_still_tells_a_wrong_unit(factor, tells):
+    """It touches down between two samples of 25 a second; then it climbs faster and faster."""
+    check = FrameCheck()
+    for k in range(1, 400):
+        time, t = k * NS // 100, (k - 50) / 100
+        climbs = max(t - 2.0, 0.0)
+        height = 0.5 - 0.5 * min(max(t, 0.0), 1.0) + climbs**3 / 3.0
+        if k % 4 == 0:
+            check.feel(Imu(time, 0.04, (0.0, 0.0, GRAVITY + 2.0 * climbs), ZERO))
+        check.see([Pose(time, (0.0, 0.0, factor * height), LEVEL)], rotors_turn=t > -0.1)
+        if t < 2.0:
+            assert check.wrong is None
+    assert (check.wrong is not None) is tells
+
+
+def test_it_ends_at_rest_and_knows_the_slant_of_the_body():
+    check = FrameCheck()
+    slanted = from_euler(radians(20.0), 0.0, 0.5)
+    for k in range(1, 30):
+        time = k * NS // 100
+        imu = Imu(time, 0.01, (0.0, 0.0, GRAVITY), ZERO)
+        check.feel(imu)
+        check.see([Pose(time, ZERO, slanted)], rotors_turn=False)
+    assert check.slant == pytest.approx(radians(20.0))
+    assert check.is_judged
+    assert check.wrong is None
+
+
+def test_the_velocity_is_what_the_imu_integrates_to_in_the_heading_of_the_vehicle():
+    motion, check = Motion(((0.6, 2.0), (0.0, 1.0), (0.3, 2.0)), heading=0.5 * pi), FrameCheck()
+    for k in range(1, 150):
+        time, t = k * NS // 100, (k - 50) / 100
+        q = motion.attitude(t - 0.005)
+        force = rotate_back(q, add(motion.acceleration(t - 0.005), (0.0, 0.0, GRAVITY)))
+        _, x, y, z = multiply(conjugate(motion.attitude(t - 0.01)), motion.attitude(t))
+        check.feel(Imu(time, 0.01, force, scale((x, y, z), 200.0)))
+        check.see([Pose(time, scale(motion.position(t), 1e-3), q)], t > 0.0)
+    assert check.wrong is not None
+    ahead, left, up = check.velocity
+    turned = 0.3 * sin(0.99)
+    x, _, z = motion.velocity(0.99)
+    assert ahead == pytest.approx(x * sin(-turned), abs=0.1)
+    assert left == pytest.approx(-x * cos(turned), abs=0.1)
+    assert up == pytest.approx(z, abs=0.1)
+
+
+def test_what_nothing_explains_names_all_that_may_be_wrong():
+    reason = explained([((3.0, 1.0, -2.0), (1.0, 2.0, 0.5)), ((-3.0, 1.0, 2.0), (1.0, 2.0, 0.5))])
+    assert "disagree" in reason
+    assert all(word in reason for word in ("units", "axes", "heading"))
