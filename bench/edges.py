@@ -61,14 +61,12 @@ def mission(seed: int) -> str:
     text, first = "", draw.choice(CHANGES)
     if draw.random() < 0.5 and not (goes_round and first[0] == "obstacle_guard"):
         part, option, *values = first
+        if draw.random() < 0.5:
+            values.reverse()
         text = "on:\n"
         for state, value in zip(("there", "back"), values, strict=True):
             asked = f"set: {{q.processors.{part}.{option}: {value}}}"
             text += f"  - {{event: q.behavior_started, behavior: {state}, do: [{{{asked}}}]}}\n"
-        if draw.random() < 0.5:
-            text = (
-                text.replace(values[0], "x").replace(values[1], values[0]).replace("x", values[1])
-            )
     return MISSION.format(
         aside=draw.uniform(-0.9, 0.9),
         airframe=draw.choice(AIRFRAMES),

@@ -182,11 +182,11 @@ class FrameCheck:
         fx, fy = fx / n, fy / n
         return (fx * x + fy * y, fx * y - fy * x, z)
 
-    def feel(self, imu: Imu) -> None:
+    def add_imu(self, imu: Imu) -> None:
         """Add an IMU sample."""
         self._waiting.append(imu)
 
-    def see(self, measurements: Sequence[Measurement], rotors_turn: bool) -> None:
+    def add_poses(self, measurements: Sequence[Measurement], rotors_turn: bool) -> None:
         """Process the first pose among the measurements that is due, and the IMU samples before it.
         rotors_turn: whether the rotors turn, so that the vehicle may fly."""
         for measurement in measurements:

@@ -65,7 +65,7 @@ class Entry(NamedTuple):
     air, so use `flight` to tell where the vehicle is. hover_thrust: the tracker's estimate of the
     hover thrust, newtons. resting_force: the specific force along body z that the IMU measured at
     rest on the ground, m/s^2; gravity if unknown. inputs: the current readings of the mission's
-    inputs. lost: where there is no estimate, the last one before it was lost. felt_velocity: the
+    inputs. lost: where there is no estimate, the last one before it was lost. imu_velocity: the
     velocity by the IMU alone, forward, left and up, m/s, if the frame of the estimate is wrong;
     None otherwise.
     """
@@ -79,7 +79,7 @@ class Entry(NamedTuple):
     resting_force: float = GRAVITY
     inputs: InputReadings = NO_INPUTS
     lost: Estimate | None = None
-    felt_velocity: Vec3 | None = None
+    imu_velocity: Vec3 | None = None
 
     @property
     def known(self) -> Estimate | None:

@@ -88,8 +88,8 @@ def told(
         place = add(motion.position(then), tuple(rng.gauss(0.0, noise) for _ in range(3)))
         pose = Pose(time - round(latency * dt * NS), *change(place, motion.attitude(then)))
         for imu in measured:
-            check.feel(imu)
-        check.see([pose], t > 0.0)
+            check.add_imu(imu)
+        check.add_poses([pose], t > 0.0)
         if check.wrong is not None:
             return check.wrong, t
     return None, seconds
@@ -203,8 +203,8 @@ def test_an_autopilot_that_lifts_off_before_it_follows_commands_is_not_at_rest()
     for k in range(1, 250):
         time, t = k * NS // 100, (k - 50) / 100
         force = (0.0, 0.0, GRAVITY + motion.acceleration(t - 0.005)[2])
-        check.feel(Imu(time, 0.01, force, ZERO))
-        check.see([Pose(time, motion.position(t), LEVEL)], rotors_turn=t > 0.5)
+        check.add_imu(Imu(time, 0.01, force, ZERO))
+        check.add_poses([Pose(time, motion.position(t), LEVEL)], rotors_turn=t > 0.5)
         assert check.wrong is None
 
 
@@ -217,8 +217,8 @@ def test_a_slow_imu_misses_blows_and_still_tells_a_wrong_unit(factor, tells):
         climbs = max(t - 2.0, 0.0)
         height = 0.5 - 0.5 * min(max(t, 0.0), 1.0) + climbs**3 / 3.0
         if k % 4 == 0:
-            check.feel(Imu(time, 0.04, (0.0, 0.0, GRAVITY + 2.0 * climbs), ZERO))
-        check.see([Pose(time, (0.0, 0.0, factor * height), LEVEL)], rotors_turn=t > -0.1)
+            check.add_imu(Imu(time, 0.04, (0.0, 0.0, GRAVITY + 2.0 * climbs), ZERO))
+        check.add_poses([Pose(time, (0.0, 0.0, factor * height), LEVEL)], rotors_turn=t > -0.1)
         if t < 2.0:
             assert check.wrong is None
     assert (check.wrong is not None) is tells
@@ -230,8 +230,8 @@ def test_it_ends_at_rest_and_knows_the_slant_of_the_body():
     for k in range(1, 30):
         time = k * NS // 100
         imu = Imu(time, 0.01, (0.0, 0.0, GRAVITY), ZERO)
-        check.feel(imu)
-        check.see([Pose(time, ZERO, slanted)], rotors_turn=False)
+        check.add_imu(imu)
+        check.add_poses([Pose(time, ZERO, slanted)], rotors_turn=False)
     assert check.slant == pytest.approx(radians(20.0))
     assert check.is_judged
     assert check.wrong is None
@@ -244,8 +244,8 @@ def test_the_velocity_is_what_the_imu_integrates_to_in_the_heading_of_the_vehicl
         q = motion.attitude(t - 0.005)
         force = rotate_back(q, add(motion.acceleration(t - 0.005), (0.0, 0.0, GRAVITY)))
         _, x, y, z = multiply(conjugate(motion.attitude(t - 0.01)), motion.attitude(t))
-        check.feel(Imu(time, 0.01, force, scale((x, y, z), 200.0)))
-        check.see([Pose(time, scale(motion.position(t), 1e-3), q)], t > 0.0)
+        check.add_imu(Imu(time, 0.01, force, scale((x, y, z), 200.0)))
+        check.add_poses([Pose(time, scale(motion.position(t), 1e-3), q)], t > 0.0)
     assert check.wrong is not None
     ahead, left, up = check.velocity
     turned = 0.3 * sin(0.99)

@@ -104,7 +104,7 @@ class LandBlind(
         self._grounded, self._context = entry.flight is GROUND, entry.context
         self._hover = entry.hover_thrust
         self._most = entry.context.airframe.max_thrust
-        known, felt = entry.known, entry.felt_velocity
+        known, felt = entry.known, entry.imu_velocity
         if felt is None:
             vx, vy, climb = entry.motion.velocity
             ax, ay, _ = (entry.setpoint and entry.setpoint.acceleration) or ZERO

@@ -19,7 +19,7 @@ from math import inf
 from typing import ClassVar
 
 from kybflow.core.geometry import ZERO, Vec3, add, dot, scale
-from kybflow.core.signals import Setpoint, SetpointKind, Tick
+from kybflow.core.signals import Setpoint, SetpointKind, Tick, Time
 from kybflow.core.units import Length
 from kybflow.flight.avoidance.barrier import Demand, braking_of, demand, strongest_of
 from kybflow.flight.avoidance.clearance import walls
@@ -61,6 +61,8 @@ class FenceProcessor(Processor[FenceProcessorParams]):
         self._margin = params.margin
         self._room = _shrunk(context.fence, params.margin) if context.fence is not None else None
         self._follower = Follower(context.airframe)
+        self._passed: Setpoint | None = None
+        self._passed_at: Time = 0
         self._strongest = strongest_of(context.airframe)
 
     @classmethod
@@ -79,6 +81,7 @@ class FenceProcessor(Processor[FenceProcessorParams]):
             x, y, z = place
             vx, vy, vz = setpoint.velocity or ZERO
             if room.contains((x + _SIGHT * vx, y + _SIGHT * vy, z + _SIGHT * vz)):
+                self._passed, self._passed_at = setpoint, tick.now
                 return setpoint
         x, y, floor = room.low
         return self._kept(
@@ -89,11 +92,15 @@ class FenceProcessor(Processor[FenceProcessorParams]):
         """Return the setpoint to follow, inside `room`."""
         follower, asked, dt, kind = self._follower, motion_of(setpoint), tick.dt, setpoint.kind
         follower.resume(setpoint, tick)
-        last = tick.setpoint.position if tick.setpoint is not None else None
+        passed, self._passed = self._passed, None
+        is_recent = tick.now - self._passed_at <= 1.5e9 * dt and tick.elapsed > 0.0
+        if passed is not None and passed.kind is kind and is_recent:
+            follower.join(motion_of(passed))  # a later processor may follow behind
+        elif tick.setpoint is None or tick.setpoint.position is None:
+            follower.position = _inside(Motion(follower.position), room).position
         if kind is SetpointKind.VELOCITY:
             follower.position = tick.known().position
-        elif last is None:
-            follower.position = _inside(Motion(follower.position), room).position
+        last = follower.position
         place, velocity = follower.ahead()
         most = self._strongest
         braking = braking_of(_BRAKING[kind], most)
@@ -115,7 +122,7 @@ class FenceProcessor(Processor[FenceProcessorParams]):
         given = _bounded(wanted, demands)
         motion = follower.advance(given, dt)
         if kind is SetpointKind.POSITION:
-            reached = room if last is None else _with(room, last)
+            reached = _with(room, last)
             if not reached.contains(motion.position):  # too fast to brake
                 motion = _inside(motion, reached)
                 follower.join(motion)

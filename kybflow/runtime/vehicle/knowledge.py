@@ -224,7 +224,7 @@ class Knowledge:
         if measurements or now >= self._body.due:
             measurements = self._body.measured(measurements, now, airborne)
         if now >= self.frame.due:
-            self.frame.see(measurements, self.resting.rotors_turn)
+            self.frame.add_poses(measurements, self.resting.rotors_turn)
         if self.cameras.is_asked:
             measurements = self.cameras.measured(measurements, now, airborne)
         if self._faults is not None and self._faults.estimators:
@@ -286,7 +286,7 @@ class Knowledge:
 
     def _take_imu(self, imu: Imu, now: Time) -> None:
         self.imu = imu
-        self.frame.feel(imu)
+        self.frame.add_imu(imu)
         if not self.resting.rotors_turn:
             self.resting.add(imu)
 
