@@ -33,8 +33,7 @@ class ObserverFailed(RunEvent):
 
 
 class TicksMissed(RunEvent):
-    """The computer is late: it made too few of the ticks that were due, so commands are late and
-    far apart; emitted every 10 s at most. `value` is the share of them that it made."""
+    """The computer is late: it made only the share `value` of the ticks that were due."""
 
     reason: str
     value: float

@@ -43,7 +43,7 @@ SEND = """'''Send a signal to this process.'''
 import os, time
 
 from kybflow.parts import Action, param, params
-from kybflow.runtime.interrupts import DEBOUNCE
+from kybflow.runtime.interrupts import DEBOUNCE_S
 
 @params
 class SendParams:
@@ -55,7 +55,7 @@ class Send(Action[SendParams]):
 
     def __call__(self, event, context):
         if self.params.again:
-            time.sleep(DEBOUNCE)
+            time.sleep(DEBOUNCE_S)
         os.kill(os.getpid(), self.params.signal)
 """
 PHASES = {"up": 1.5, "hold": 4.0, "go": 7.5, "down": 11.3}

@@ -98,7 +98,7 @@ def test_mappings_merge_lists_are_replaced_null_removes(tmp_path: Path) -> None:
     like: a
     start: {at: [0, 2, 0]}
     processors: [fence]
-    airframe: {mass: 2 kg}
+    airframe: {mass: 1.5 kg}
     behaviors:
       up: {then: null, height: 50 cm}
       down: null
@@ -107,7 +107,7 @@ def test_mappings_merge_lists_are_replaced_null_removes(tmp_path: Path) -> None:
     plan = plan_of(tmp_path, text)
     a, b = vehicle(plan, "a"), vehicle(plan, "b")
     assert [p.name for p in b.processors] == ["fence"]
-    assert (b.airframe.mass, b.airframe.thrust) == (2.0, a.airframe.thrust)
+    assert (b.airframe.mass, b.airframe.thrust) == (1.5, a.airframe.thrust)
     assert b.states["up"].behavior.params.height == 0.5
     assert [(t.target, t.implied) for t in b.states["up"].transitions if t.cause == "then"] == [
         ("brake", True)
@@ -166,9 +166,9 @@ parameters: {weight: {type: mass, default: 1 kg}}
 airframes: {quad: {like: base.mk_quadro, mass: $weight}}
 vehicles: {quad: {airframe: quad}}
 """
-    text = MISSION.replace("std: kybflow/airframes", "std: {from: lab.yaml, with: {weight: 2 kg}}")
+    text = MISSION.replace("std: kybflow/airframes", "std: {from: lab.yaml, with: {weight: 1.5 kg}}")
     text = text.replace("std.mk_quadro", "std.quad")
-    assert vehicle(plan_of(tmp_path, text, lab=lab), "a").airframe.mass == 2.0
+    assert vehicle(plan_of(tmp_path, text, lab=lab), "a").airframe.mass == 1.5
 
 
 def test_one_library_may_be_reached_twice(tmp_path: Path) -> None:
@@ -212,7 +212,7 @@ vehicles:
 QUADS = """
 library: quads
 import: {std: kybflow/airframes}
-airframes: {quad: {like: std.mk_quadro, mass: 2 kg}}
+airframes: {quad: {like: std.mk_quadro, mass: 1.5 kg}}
 vehicles: {quad: {airframe: quad}}
 """
 
@@ -221,7 +221,7 @@ def test_a_library_of_a_package_is_found(tmp_path: Path, monkeypatch: pytest.Mon
     package(tmp_path / "site", "kyblab", QUADS)
     monkeypatch.syspath_prepend(tmp_path / "site")
     plan = compiled(tmp_path / "mission.yaml", OF_PACKAGE.format(name="kyblab"))
-    assert plan.vehicles[0].airframe.mass == 2.0
+    assert plan.vehicles[0].airframe.mass == 1.5
 
 
 def test_a_package_that_is_gone_is_no_library(

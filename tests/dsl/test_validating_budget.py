@@ -26,7 +26,7 @@ PASSES = (
 BUDGET = {
     "figure_eight": {
         "check": 87738,
-        "expand": 46452,
+        "expand": 48061,
         "expressions": 36253,
         "resolve": 26038,
         "read": 25943,

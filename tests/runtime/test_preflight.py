@@ -391,7 +391,7 @@ def test_a_second_take_off_asks_where_it_landed(run):
     def carried(measurement, now):
         if isinstance(measurement, Pose) and now > landed + NS // 2:
             x, y, z = measurement.position
-            return measurement._replace(position=(x - 0.5, y, z))
+            return measurement._replace(position=(x - 0.4, y, z))
         return measurement
 
     flown, told = run(replace(plan, driver=bent(carried)))

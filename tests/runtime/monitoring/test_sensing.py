@@ -365,5 +365,5 @@ def test_who_has_none_of_them_has_no_channel_for_them(run) -> None:
     assert summary is not None
     topics = {channel.topic for channel in summary.channels.values()}
     assert topics == {
-        "/events", "/a/tick", "/a/wanted", "/a/estimator/mocap", "/a/pose", "/a/battery",
+        "/events", "/a/tick", "/a/wanted", "/a/estimator/mocap", "/a/pose", "/a/imu", "/a/battery",
     }  # fmt: skip

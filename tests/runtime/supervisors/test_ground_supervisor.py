@@ -54,10 +54,10 @@ def test_one_that_flies_beside_its_table_at_the_height_of_its_start_is_not():
     there = (2.0, 0.0, 0.82)
     for now, place in enumerate(((0.0, 0.0, 1.5), *[there] * 4)):
         known = estimate(place)
-        assert supervisor.check(tick(0.3 * now, known, at_rest(place)), airborne=True) is None
+        assert supervisor.check(tick(0.3 * now, known, at_rest(place)), off_ground=True) is None
     above = (0.1, 0.0, 0.82)
     for now in range(5, 8):
-        alarm = supervisor.check(tick(0.3 * now, estimate(above), at_rest(above)), airborne=True)
+        alarm = supervisor.check(tick(0.3 * now, estimate(above), at_rest(above)), off_ground=True)
     assert alarm == TOUCHED
 
 
