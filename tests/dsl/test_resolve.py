@@ -166,7 +166,9 @@ parameters: {weight: {type: mass, default: 1 kg}}
 airframes: {quad: {like: base.mk_quadro, mass: $weight}}
 vehicles: {quad: {airframe: quad}}
 """
-    text = MISSION.replace("std: kybflow/airframes", "std: {from: lab.yaml, with: {weight: 1.5 kg}}")
+    text = MISSION.replace(
+        "std: kybflow/airframes", "std: {from: lab.yaml, with: {weight: 1.5 kg}}"
+    )
     text = text.replace("std.mk_quadro", "std.quad")
     assert vehicle(plan_of(tmp_path, text, lab=lab), "a").airframe.mass == 1.5
 

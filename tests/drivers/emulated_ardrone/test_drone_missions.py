@@ -34,6 +34,7 @@ def answers(told):
     return [(e.fields["act"], e.fields.get("reason")) for e in told if e.name in names]
 
 
+@pytest.mark.thorough
 def test_leds_play_for_the_mission_and_for_a_person_and_nothing_else_does(tmp_path):
     commands = (asked(9.0, "perform a leds_fire"), asked(9.5, "perform a flip_left"),
                 asked(9.6, "perform a somersault"))  # fmt: skip
@@ -49,6 +50,7 @@ def test_leds_play_for_the_mission_and_for_a_person_and_nothing_else_does(tmp_pa
     assert values["control:flight_anim"] == "0,0"
 
 
+@pytest.mark.thorough
 def test_with_permission_it_flips_in_flight_alone_and_flies_on(tmp_path):
     commands = (asked(2.5, "perform a flip_left"), asked(9.0, "perform a flip_left"),
                 asked(9.5, "perform a roll_dance"))  # fmt: skip
@@ -63,6 +65,7 @@ def test_with_permission_it_flips_in_flight_alone_and_flies_on(tmp_path):
     assert "control_lost" not in [event.name for event in told]
 
 
+@pytest.mark.thorough
 def test_it_turns_once_to_calibrate_its_magnetometer_and_flies_on(tmp_path):
     room = "processors: [{use: position_error, limit: 1.5 m}]\n    behaviors:"
     text = mission(["a"], 6.0).replace("behaviors:", room)
@@ -86,11 +89,13 @@ def test_who_lands_it_has_it_but_its_leds(tmp_path):
     assert played == ("leds_red", None)
 
 
+@pytest.mark.thorough
 def test_by_the_compass_it_flies_as_by_its_own_axes(tmp_path):
     done, *_ = flight(tmp_path, compass=1.5707963)  # the world's x axis points east
     assert done.summary["vehicles"]["a"]["position_error_m"]["mean"] < 0.1
 
 
+@pytest.mark.thorough
 def test_a_flood_of_acts_is_answered_and_ten_a_second_are_passed_on(tmp_path):
     commands = (asked(9.0 + 1e-4 * i, "perform a leds_fire") for i in range(300))
     _, told, _ = flight(tmp_path, *commands, asked(10.5, "perform a leds_red"))
@@ -120,6 +125,7 @@ def test_a_drone_with_an_empty_battery_lands_itself(tmp_path):
     assert session.links["a"].truth().position[2] < 0.05
 
 
+@pytest.mark.thorough
 def test_a_drone_in_emergency_is_reset_before_take_off(tmp_path):
     text = mission(["a"], 3.0)
     breaks = [(0.0, {"cutout": True}), (0.5, {"cutout": False})]
@@ -138,6 +144,7 @@ def test_a_drone_that_is_not_well_does_not_take_off(breaks, check, tmp_path):
     assert not session.links["a"].drone.flight.flies
 
 
+@pytest.mark.thorough
 def test_how_it_stands_is_taken_for_level_once_where_that_is_asked_for(tmp_path):
     _, _, session = drone_flight(mission(["a"], 3.0), tmp_path, flat_trim=True, wifi_loss=0.0)
     assert session.links["a"].drone.accepted == {"FTRIM": 1}

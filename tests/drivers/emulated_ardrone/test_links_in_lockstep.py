@@ -19,6 +19,7 @@ MORE = [pytest.param(rate, marks=pytest.mark.slow) for rate in (50, 100)]
 FAULT = "faults:\n  - {{at: {at}, on: a, inject: link_cut, for: {lasts}}}\n"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("rate", [30, 200])
 def test_a_bad_link_disconnects_nobody(rate, tmp_path, monkeypatch):
     ages = AgesOnReceipt(monkeypatch)
@@ -50,6 +51,7 @@ def check_connection(session, ages):
     assert max(ages.seconds) <= 0.1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("late", [0.3, 0.5, 1.0])
 def test_commands_that_arrive_late_land_it(late, tmp_path):
     fault = f"faults:\n  - {{at: 12 s, on: a, inject: clock_late, by: {late} s, for: 60 s}}\n"
@@ -62,6 +64,7 @@ def test_commands_that_arrive_late_land_it(late, tmp_path):
     assert max(off) < 0.5 + 0.5 + late
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("way", ["both", "to_vehicle"])
 def test_wifi_that_is_lost_for_a_second_is_not_called_slow(way, tmp_path):
     fault = f"faults:\n  - {{at: 12 s, on: a, inject: link_cut, way: {way}, for: 1 s}}\n"
@@ -88,6 +91,7 @@ def test_wifi_that_is_lost_for_a_second_makes_it_hover_and_it_flies_on(tmp_path,
     assert ways == ["up", "turn", "down", "landed"]
 
 
+@pytest.mark.thorough
 def test_a_drone_that_lost_everybody_on_the_ground_is_connected_again(tmp_path):
     breaks = [(0.3, {"deaf": True, "silent": True}), (3.3, {"deaf": False, "silent": False})]
     *_, session = succeeded(mission(["a"], 3.0), tmp_path, breaks=breaks)
