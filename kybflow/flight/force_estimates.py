@@ -13,7 +13,7 @@ from kybflow.world.vehicle_context import Airframe
 WASHOUT_TIME_S = 3.0
 """Seconds in which a steady upward disturbance moves to the mass estimate. Along x and y it stays
 in this estimate, together with the accelerometer's bias, which the law's integral compensates."""
-SETTLING_TIME_S = 2.0
+SETTLING_TIME_S = 1.5
 """Seconds of flight in which the mass estimate settles. Until then the measured disturbance is
 mostly the error of the mass: if it were learned as lasting, subtracting it for `WASHOUT_TIME_S`
 would let the vehicle sink."""

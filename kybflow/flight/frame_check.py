@@ -203,14 +203,18 @@ class FrameCheck:
         seconds, late = 0.0, 0.0
         angle = gained = ZERO
         if samples:
-            times, periods, forces, rates = zip(*samples, strict=True)
-            seconds, late = sum(periods), (times[-1] - time) / NS
-            share = seconds / len(samples)
-            fx, fy, fz = map(sum, zip(*forces, strict=True))
-            wx, wy, wz = map(sum, zip(*rates, strict=True))
+            first, last = samples[0], samples[-1]
+            fx = fy = fz = wx = wy = wz = 0.0
+            for _, dt, force, rate in samples:
+                seconds += dt
+                ax, ay, az = force
+                bx, by, bz = rate
+                fx, fy, fz = fx + ax, fy + ay, fz + az
+                wx, wy, wz = wx + bx, wy + by, wz + bz
+            late, share = (last.time - time) / NS, seconds / len(samples)
             gained = (share * fx, share * fy, share * fz)
             angle = (share * wx, share * wy, share * wz)
-            change = forces[-1][2] - forces[0][2]
+            change = last.specific_force[2] - first.specific_force[2]
             self._jolted = change * change > JOLT * JOLT
             self._shaking += MEMORY * (0.5 * share * change * change - self._shaking)
             self._coarse = share > RESOLVES

@@ -86,6 +86,10 @@ _NEAR_STEP, _FAR_STEP = 1e-3, 0.05
 nothing is, m."""
 
 
+_BLOCKED_TIME_S = 0.05
+"""Seconds without a way after which it is reported: among many vehicles, one tick may have none."""
+
+
 class AvoidanceBlocked(ProcessorEvent):
     """The vehicle has no way left and brakes."""
 
@@ -111,7 +115,7 @@ class Avoidance:
     """
 
     def __init__(self, airframe: Airframe, nearby: Nearby, detour: Detour | None = None) -> None:
-        self._gets_stuck = False
+        self._gets_stuck, self._blocked_time = False, 0.0
         self._stuck: Time = -NEVER
         self._nearby, self._hull, self._detour = nearby, airframe.hull, detour
         self._strongest = strongest_of(airframe)
@@ -160,7 +164,9 @@ class Avoidance:
             given = filtered(wanted, demands, strongest)
         if given is not None:
             return given
-        self._gets_stuck = tick.now - self._stuck > NS
+        before = self._blocked_time if tick.now - self._stuck <= NS else 0.0
+        self._blocked_time = before + tick.dt
+        self._gets_stuck = before < _BLOCKED_TIME_S <= self._blocked_time
         self._stuck = tick.now
         slowing = braked(velocity, strongest, tick.dt)
         least = least_bad(slowing, demands, strongest)
