@@ -32,7 +32,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Sequence
 from itertools import permutations, product
-from math import acos, hypot, sqrt
+from math import acos, fsum, hypot, sqrt
 from typing import NamedTuple
 
 from kybflow.core.geometry import (
@@ -203,18 +203,14 @@ class FrameCheck:
         seconds, late = 0.0, 0.0
         angle = gained = ZERO
         if samples:
-            first, last = samples[0], samples[-1]
-            fx = fy = fz = wx = wy = wz = 0.0
-            for _, dt, force, rate in samples:
-                seconds += dt
-                ax, ay, az = force
-                bx, by, bz = rate
-                fx, fy, fz = fx + ax, fy + ay, fz + az
-                wx, wy, wz = wx + bx, wy + by, wz + bz
-            late, share = (last.time - time) / NS, seconds / len(samples)
+            times, periods, forces, rates = zip(*samples, strict=True)
+            seconds, late = fsum(periods), (times[-1] - time) / NS
+            share = seconds / len(samples)
+            fx, fy, fz = map(fsum, zip(*forces, strict=True))
+            wx, wy, wz = map(fsum, zip(*rates, strict=True))
             gained = (share * fx, share * fy, share * fz)
             angle = (share * wx, share * wy, share * wz)
-            change = last.specific_force[2] - first.specific_force[2]
+            change = forces[-1][2] - forces[0][2]
             self._jolted = change * change > JOLT * JOLT
             self._shaking += MEMORY * (0.5 * share * change * change - self._shaking)
             self._coarse = share > RESOLVES
