@@ -44,7 +44,7 @@ BUDGET = {
         "processors": 384,
         "behavior": 348,
         "recorder": 318,
-        "supervisors": 231,
+        "supervisors": 243,
     },
 }
 """Bytecodes a vehicle and tick, by the number of vehicles, in a plain install, at 125 ticks and
