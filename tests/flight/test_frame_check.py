@@ -6,8 +6,6 @@ import random
 from math import cos, pi, radians, sin
 
 import pytest
-from hypothesis import Phase, given, settings
-from hypothesis import strategies as st
 
 from kybflow.core.geometry import (
     GRAVITY,
@@ -109,23 +107,14 @@ def frame(order=(0, 1, 2), sign=(1.0, 1.0, 1.0), factor=1.0, turned=0.0, stiff=F
     return change
 
 
-SWING = st.tuples(st.floats(0.1, 0.6), st.floats(1.0, 3.0))
-
-
-@settings(max_examples=25, deadline=None, phases=[Phase.generate])
-@given(
-    swings=st.tuples(SWING, SWING, SWING),
-    heading=st.floats(-pi, pi),
-    turned=st.floats(-30.0, 30.0),
-    roll=st.floats(-10.0, 10.0),
-    factor=st.floats(0.9, 1.1),
-    bias=st.tuples(*[st.floats(-0.15, 0.15)] * 3),
-    latency=st.integers(0, 6),
-)
-def test_what_labs_get_slightly_wrong_is_no_alarm(
-    swings, heading, turned, roll, factor, bias, latency
-):
+@pytest.mark.parametrize("seed", range(25))
+def test_what_labs_get_slightly_wrong_is_no_alarm(seed):
     """A body defined turned by 30 and rolled by 10 degrees, a scale of 0.9, biases, late poses."""
+    draw = random.Random(seed)
+    swings = tuple((draw.uniform(0.1, 0.6), draw.uniform(1.0, 3.0)) for _ in range(3))
+    heading, turned, roll = (draw.uniform(-most, most) for most in (pi, 30.0, 10.0))
+    factor, latency = draw.uniform(0.9, 1.1), draw.randrange(7)
+    bias = tuple(draw.uniform(-0.15, 0.15) for _ in range(3))
 
     def change(place, attitude):
         tilted = from_euler(radians(roll), 0.0, radians(turned))
@@ -135,7 +124,6 @@ def test_what_labs_get_slightly_wrong_is_no_alarm(
     assert found is None, (when, found)
 
 
-LIVELY = st.tuples(st.floats(0.3, 0.6), st.floats(2.5, 3.5))
 WRONG = {
     "metres read as mm": (frame(factor=1e-3), "times the motion: check the stream's `units`"),
     "cm read as metres": (frame(factor=100.0), "times the motion: check the stream's `units`"),
@@ -144,21 +132,23 @@ WRONG = {
     "z upside down": (frame(sign=(1.0, 1.0, -1.0), stiff=True), "upward motion along -z"),
     "body turned by 90": (frame(turned=0.5 * pi), "turned by -90 deg"),
     "body turned by 180": (frame(turned=pi), "turned by 180 deg"),
-    "x and y exchanged": (frame((1, 0, 2)), "x and y exchanged"),
+    # the attitude changes too: by the first motion it may also be a turn
+    "x and y exchanged": (frame((1, 0, 2)), "`axes`"),
     "exchanged, the attitude right": (frame((1, 0, 2), stiff=True), "x and y exchanged"),
-    "y mirrored": (frame(sign=(1.0, -1.0, 1.0)), "y mirrored"),
+    "y mirrored": (frame(sign=(1.0, -1.0, 1.0)), "`axes`"),
     "y mirrored, the attitude right": (frame(sign=(1.0, -1.0, 1.0), stiff=True), "y mirrored"),
 }
 
 
+@pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("name", WRONG)
-@settings(max_examples=5, deadline=None, phases=[Phase.generate])
-@given(along=LIVELY, across=LIVELY, up=LIVELY, heading=st.floats(-0.5, 0.5))
-def test_a_wrong_frame_is_told_in_half_a_second_with_what_explains_it(
-    name, along, across, up, heading
-):
+def test_a_wrong_frame_is_told_in_half_a_second_with_what_explains_it(name, seed):
     change, words = WRONG[name]
-    (one, slow), (two, fast) = along, across
+    draw = random.Random(f"{name} {seed}")
+    (one, slow), (two, fast), up = (
+        (draw.uniform(0.3, 0.6), draw.uniform(2.5, 3.5)) for _ in range(3)
+    )
+    heading = draw.uniform(-0.5, 0.5)
     # less along x, so that an exchange of the two can't pass for a turn
     swings = ((0.3 * one, slow), (-two, fast), up)
     motion = Motion(swings, heading)
