@@ -88,13 +88,13 @@ MAX_ERROR = 0.12
 """Largest relative correction of the initial hover thrust in `Descent.hover`."""
 IMPACT_FORCE, SIGMAS, DEAF_S = 8.0, 6.0, 0.2
 RESTING_THRUST, RESTING_FORCE, RESTING_TIME_S = 0.33, 0.9 * GRAVITY, 0.1
-PROBE, PAUSE = 0.2, 0.1
+PROBE_TIME_S, PROBE_PAUSE_S = 0.2, 0.1
 """Duration of a probe, and the least time between two of them, seconds."""
-PROBED, CARRIED, SMOOTH, HELD = 0.4, 0.8 * GRAVITY, 0.03, 0.05
+PROBED_THRUST, PROBED_FORCE, PROBE_AVERAGING_S, PROBED_TIME_S = 0.4, 0.8 * GRAVITY, 0.03, 0.05
 """In a probe: the thrust over the hover thrust below which the mean specific force shows the floor,
 its least value there, m/s^2, the time over which it is averaged, and for which it must last,
 seconds."""
-STOPPED = 0.03
+STOPPED_SPEED = 0.03
 """Speed at which a brake ends, m/s."""
 
 
@@ -121,7 +121,7 @@ class Descent:
         self._time = self._rested = 0.0
         self._share = self._given = self._weakness = 1.0
         self._pushed, self._sure = max(climb, 0.0), 1.0 - unsure
-        self._mean, self._held, self._probe = GRAVITY, 0.0, -PROBE - PAUSE
+        self._mean, self._held, self._probe = GRAVITY, 0.0, -PROBE_TIME_S - PROBE_PAUSE_S
 
     @property
     def hover(self) -> float:
@@ -146,7 +146,7 @@ class Descent:
         carried = self._given < RESTING_THRUST and self._lift * self._given > RESTING_FORCE
         self._rested = self._rested + dt if carried else 0.0
         if (
-            self._held >= HELD
+            self._held >= PROBED_TIME_S
             or self._rested >= RESTING_TIME_S
             or _bound(LASTING_BOUND, self._time) <= 0.0
         ):
@@ -159,12 +159,12 @@ class Descent:
     def _probes(self, struck: bool, lift: float, dt: float) -> bool:
         """Return whether the thrust is reduced to find out whether the floor carries the
         vehicle."""
-        self._mean += (min(lift, 1.5 * GRAVITY) - self._mean) * dt / (SMOOTH + dt)
+        self._mean += (min(lift, 1.5 * GRAVITY) - self._mean) * dt / (PROBE_AVERAGING_S + dt)
         since = self._time - self._probe
-        if struck and self._time > DEAF_S and since > PROBE + PAUSE:
+        if struck and self._time > DEAF_S and since > PROBE_TIME_S + PROBE_PAUSE_S:
             self._probe, since = self._time, 0.0
-        probes = since < PROBE or self._held > 0.0
-        found = probes and self._given < PROBED and self._mean > CARRIED
+        probes = since < PROBE_TIME_S or self._held > 0.0
+        found = probes and self._given < PROBED_THRUST and self._mean > PROBED_FORCE
         self._held = self._held + dt if found else 0.0
         return probes
 
@@ -235,7 +235,7 @@ class BlindBrake:
         airframe: Airframe,
     ) -> None:
         x, y = velocity
-        most = min(1.0, airframe.speed / max(hypot(x, y), STOPPED))
+        most = min(1.0, airframe.speed / max(hypot(x, y), STOPPED_SPEED))
         self._velocity = x, y = (most * x, most * y)
         self._lean = (acceleration[0] + airframe.drag * x, acceleration[1] + airframe.drag * y)
         loop = airframe.attitude_loop
@@ -252,7 +252,7 @@ class BlindBrake:
         at rest. dt: seconds since the last call."""
         x, y = self._velocity
         speed = hypot(x, y)
-        self._is_over = self._is_over or speed < STOPPED
+        self._is_over = self._is_over or speed < STOPPED_SPEED
         pull = 0.0
         if not self._is_over:
             pull = -min(STIFFNESS, GRAVITY * tan(self._airframe.tilt) / speed)

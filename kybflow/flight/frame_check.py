@@ -7,21 +7,21 @@ integrated to an attitude R, a velocity v and a position x in the frame of the p
 
     R' = R [w],    v' = R f - g e3,    x' = v
 
-R follows the attitude of the poses with the time constant `FOLLOWS`, because the integral of w
-drifts. v and x drift too, but a constant and a linear error of x vanish in the second difference
-over three moments h apart, which for the positions p of the poses and for x is the mean
+R follows the attitude of the poses with the time constant `CORRECTION_TIME_S`, because the integral
+of w drifts. v and x drift too, but a constant and a linear error of x vanish in the second
+difference over three moments h apart, which for the positions p of the poses and for x is the mean
 acceleration, weighted by a triangle (as if two accelerometers were compared):
 
     a(y) = (y(t) - 2 y(t - h) + y(t - 2 h)) / h^2,    difference = a(p) - a(x)
 
 The frame is wrong if along the vertical, or across it, the difference exceeds both of
 
-    LIMIT + 4 deviations of the noise,    and    DISAGREES times the larger of |a(p)| and |a(x)|
+    MIN_DIFFERENCE + 4 deviations of the noise,  and  MAX_SHARE max(|a(p)|, |a(x)|)
 
-in `CONFIRMED` comparisons in a row. The noise is that of the poses, measured by their second
-differences over three comparisons in a row, and that of the IMU. The second bound is never exceeded
-by a body that is turned by 30 degrees or a scale that is 10 % off, but by an exchanged, mirrored or
-missing axis, by a turn of 90 degrees or more, and by millimetres taken for metres.
+in `NEEDED_COMPARISONS` comparisons in a row. The noise is that of the poses, measured by their
+second differences over three comparisons in a row, and that of the IMU. The second bound is never
+exceeded by a body that is turned by 30 degrees or a scale that is 10 % off, but by an exchanged,
+mirrored or missing axis, by a turn of 90 degrees or more, and by millimetres taken for metres.
 
 World frame and body frame as in `kybflow.core.geometry`; metres, seconds, radians. No value of the
 simulator is used: only poses and IMU samples.
@@ -57,42 +57,42 @@ from kybflow.core.geometry import (
 )
 from kybflow.core.signals import NS, Imu, Measurement, Pose, Time, WrongFrame
 
-STEP: Time = NS // 21
+COMPARISON_PERIOD_NS: Time = NS // 21
 """Least time between two comparisons, ns: 50 ms with 100 or 120 poses a second."""
-SIDE = 3
+SPAN_COMPARISONS = 3
 """Comparisons in h, so that h is 0.15 s."""
-LONGEST = 1.0
+MAX_SPAN_S = 1.0
 """Longest time of the three moments, s; after a longer one, poses were lost."""
-LIMIT = 0.6
+MIN_DIFFERENCE = 0.6
 """The difference of accelerations below which nothing is wrong, m/s^2."""
-_CALM = (0.5 * LIMIT) ** 2
-DISAGREES = 0.65
-CONFIRMED = 3
-SURE = 4.0
-FOLLOWS, EVERY = 4.0, 5
+_AGREEING_SQUARE = (0.5 * MIN_DIFFERENCE) ** 2
+MAX_SHARE = 0.65
+NEEDED_COMPARISONS = 3
+NOISE_SIGMAS = 4.0
+CORRECTION_TIME_S, CORRECTION_COMPARISONS = 4.0, 5
 """Time constant with which the attitude follows the poses, s, and how many comparisons pass between
 two corrections."""
-MEMORY = 0.05
+NOISE_SHARE = 0.05
 """Share of a new sample in the running noise."""
-LEAP = 0.015
+MIN_JUMP = 0.015
 """A second difference of three comparisons in a row above which the poses jumped, m, if the next
 one is opposite, as it never is in a wrong frame."""
-REST = 0.5
+REST_AVERAGING_S = 0.5
 """Seconds over which the IMU at rest is averaged."""
-KNOWN, STIRRED = 0.1, 0.5
+KNOWN_TIME_S, MOVING_FORCE = 0.1, 0.5
 """Seconds at rest after which the specific force there is known, and a change of it that shows that
 the vehicle moves, m/s^2."""
-SETTLES, ELSEWHERE = NS, 3 * NS
+SETTLING_TIME_NS, MOVED_TIME_NS = NS, 3 * NS
 """Time after which it rests again, and after which it stands otherwise than before, ns."""
-RESOLVES = 0.0125
+MAX_FINE_SAMPLE_S = 0.0125
 """Longest interval (s) of IMU samples that don't miss a blow such as the touch-down. Otherwise the
 blow is in all comparisons of 2 h, so that as many more in a row must show a wrong frame."""
-COARSEST, GAP, KEPT = 0.045, NS // 8, 64
+MAX_SAMPLE_S, MAX_GAP_NS, MOST_SAMPLES = 0.045, NS // 8, 64
 """Longest interval of IMU samples of which the integral is exact enough, s: autopilots send 25 a
 second. Longest gap between samples, ns. How many are kept until the next pose."""
-JOLT = 3.0 * GRAVITY
+BLOW_FORCE = 3.0 * GRAVITY
 """Specific force, m/s^2, of a blow that samples don't resolve."""
-MOST_BIAS = 1.5
+MAX_BIAS = 1.5
 """Largest plausible difference of the specific force at rest from gravity, m/s^2."""
 
 
@@ -153,9 +153,9 @@ class FrameCheck:
         self.wrong: WrongFrame | None = None
         self.slant: float | None = None
         self.shake = 0.0
-        self._waiting: deque[Imu] = deque(maxlen=KEPT)
+        self._waiting: deque[Imu] = deque(maxlen=MOST_SAMPLES)
         self._since = self._still = 0
-        self._stirred: Time = -SETTLES
+        self._stirred: Time = -SETTLING_TIME_NS
         self._rests = self._jolted = self._agrees = False
         self._coarse = self._seldom = True
         self._rested, self._felt, self._turned, self._levelled = 0.0, ZERO, ZERO, LEVEL
@@ -163,8 +163,8 @@ class FrameCheck:
         self._seen: tuple[Vec3, ...] = ()
         self._attitude: Quat = LEVEL
         self._velocity = self._moved = self._offset = self._slope = self._leap = ZERO
-        self._moments: deque[_Moment] = deque(maxlen=2 * SIDE + 1)
-        self._pairs: deque[tuple[Vec3, Vec3]] = deque(maxlen=2 * SIDE)
+        self._moments: deque[_Moment] = deque(maxlen=2 * SPAN_COMPARISONS + 1)
+        self._pairs: deque[tuple[Vec3, Vec3]] = deque(maxlen=2 * SPAN_COMPARISONS)
         self._upward = self._across = self._steps = 0
 
     @property
@@ -196,10 +196,10 @@ class FrameCheck:
             return
         pose, samples, time = measurement, self._waiting, measurement.time
         elapsed = time - self._since
-        if not samples and elapsed < GAP:
+        if not samples and elapsed < MAX_GAP_NS:
             return
         self._since = time
-        self.due = time + STEP
+        self.due = time + COMPARISON_PERIOD_NS
         seconds, late = 0.0, 0.0
         angle = gained = ZERO
         if samples:
@@ -211,10 +211,10 @@ class FrameCheck:
             gained = (share * fx, share * fy, share * fz)
             angle = (share * wx, share * wy, share * wz)
             change = forces[-1][2] - forces[0][2]
-            self._jolted = change * change > JOLT * JOLT
-            self._shaking += MEMORY * (0.5 * share * change * change - self._shaking)
-            self._coarse = share > RESOLVES
-            self._seldom = share > COARSEST
+            self._jolted = change * change > BLOW_FORCE * BLOW_FORCE
+            self._shaking += NOISE_SHARE * (0.5 * share * change * change - self._shaking)
+            self._coarse = share > MAX_FINE_SAMPLE_S
+            self._seldom = share > MAX_SAMPLE_S
             samples.clear()
         if not rotors_turn and self._is_still(time, gained, seconds):
             self._rest(pose, angle, gained, seconds)
@@ -230,31 +230,31 @@ class FrameCheck:
             self._move(angle, gained, seconds)
             self._compare(time, pose.position, late)
             self._steps += 1
-            if self._steps % EVERY == 0:
-                self._follow(pose, EVERY * seconds / FOLLOWS)
+            if self._steps % CORRECTION_COMPARISONS == 0:
+                self._follow(pose, CORRECTION_COMPARISONS * seconds / CORRECTION_TIME_S)
 
     def _is_still(self, time: Time, gained: Vec3, seconds: float) -> bool:
         """Return whether a vehicle whose rotors should rest has been still for long enough: an
         autopilot may lift it already, and a hand may carry it."""
-        if seconds > 0.0 and self._rested >= KNOWN:
-            if distance(scale(gained, 1.0 / seconds), self._felt) <= STIRRED:
+        if seconds > 0.0 and self._rested >= KNOWN_TIME_S:
+            if distance(scale(gained, 1.0 / seconds), self._felt) <= MOVING_FORCE:
                 self._still = time
             else:
                 self._stirred = time
-                if time - self._still > ELSEWHERE:
+                if time - self._still > MOVED_TIME_NS:
                     self._rested = 0.0  # it stands on a slope now
-                    self._stirred = time - SETTLES
-        return time - self._stirred >= SETTLES
+                    self._stirred = time - SETTLING_TIME_NS
+        return time - self._stirred >= SETTLING_TIME_NS
 
     def _rest(self, pose: Pose, angle: Vec3, gained: Vec3, seconds: float) -> None:
         """Learn the IMU's errors at rest, and its angle to the body."""
         if seconds > 0.0:
-            self._rested = min(self._rested + seconds, REST)
+            self._rested = min(self._rested + seconds, REST_AVERAGING_S)
             share = seconds / self._rested
             self._felt = _mixed(self._felt, scale(gained, 1.0 / seconds), share)
             self._turned = _mixed(self._turned, scale(angle, 1.0 / seconds), share)
             weight = norm(self._felt)
-            if abs(weight - GRAVITY) <= MOST_BIAS:
+            if abs(weight - GRAVITY) <= MAX_BIAS:
                 self._bias = weight - GRAVITY
                 up, felt = rotate_back(pose.attitude, UP), scale(self._felt, 1.0 / weight)
                 cosine = max(-1.0, min(1.0, dot(up, felt)))
@@ -268,7 +268,7 @@ class FrameCheck:
         self._seen = (*seen[-1:], pose.position)
         if len(seen) > 1:
             leap = add(sub(pose.position, seen[-1]), sub(seen[-2], seen[-1]))
-            self._noise += MEMORY * (dot(leap, leap) - self._noise)
+            self._noise += NOISE_SHARE * (dot(leap, leap) - self._noise)
             self.shake = sqrt(self._noise)
         self._attitude = multiply(pose.attitude, self._levelled)
 
@@ -331,31 +331,31 @@ class FrameCheck:
             ):
                 self._begin()
         moments.append(_Moment(now, apart, (x, y, z)))
-        if len(moments) <= 2 * SIDE:
+        if len(moments) <= 2 * SPAN_COMPARISONS:
             return
-        first, middle = moments[0], moments[SIDE]
+        first, middle = moments[0], moments[SPAN_COMPARISONS]
         early, soon = middle.time - first.time, now - middle.time
-        if early + soon > LONGEST:
+        if early + soon > MAX_SPAN_S:
             return
         ex, ey, ez = off = _bend(first.apart, middle.apart, apart, early, soon)
         across = ex * ex + ey * ey
-        self._agrees = across < _CALM and ez * ez < _CALM
+        self._agrees = across < _AGREEING_SQUARE and ez * ez < _AGREEING_SQUARE
         if self._agrees:
             self._upward = self._across = 0
         else:
             felt = _bend(first.moved, middle.moved, (x, y, z), early, soon)
             area = early * soon
             spread = self._noise / (3.0 * area * area) + self._shaking / (1.5 * soon)
-            self._judge(off, felt, LIMIT + SURE * sqrt(spread))
+            self._judge(off, felt, MIN_DIFFERENCE + NOISE_SIGMAS * sqrt(spread))
 
     def _leaps(self, leap: Vec3) -> bool:
         """Update the noise of the poses by their second difference (m); return whether they jumped
         in the last step but one."""
         before, self._leap = self._leap, leap
         square = dot(leap, leap)
-        if square > LEAP * LEAP and dot(leap, before) < -0.25 * LEAP * LEAP:
+        if square > MIN_JUMP * MIN_JUMP and dot(leap, before) < -0.25 * MIN_JUMP * MIN_JUMP:
             return True
-        self._noise += MEMORY * (min(square, LEAP * LEAP) - self._noise)
+        self._noise += NOISE_SHARE * (min(square, MIN_JUMP * MIN_JUMP) - self._noise)
         return False
 
     def _judge(self, off: Vec3, felt: Vec3, least: float) -> None:
@@ -365,12 +365,12 @@ class FrameCheck:
         gx, gy, gz = felt
         seen = sx, sy, sz = gx + ex, gy + ey, gz + ez
         up, across = abs(ez), hypot(ex, ey)
-        up_bound = max(least, DISAGREES * max(abs(gz), abs(sz)))
-        across_bound = max(least, DISAGREES * max(hypot(gx, gy), hypot(sx, sy)))
+        up_bound = max(least, MAX_SHARE * max(abs(gz), abs(sz)))
+        across_bound = max(least, MAX_SHARE * max(hypot(gx, gy), hypot(sx, sy)))
         self._upward = self._upward + 1 if up > up_bound else 0
         self._across = self._across + 1 if across > across_bound else 0
         self._pairs.append((seen, felt))
-        needed = CONFIRMED + 2 * SIDE if self._coarse else CONFIRMED
+        needed = NEEDED_COMPARISONS + 2 * SPAN_COMPARISONS if self._coarse else NEEDED_COMPARISONS
         if self.wrong is None and max(self._upward, self._across) >= needed:
             value, bound = (up, up_bound) if self._upward else (across, across_bound)
             self.wrong = WrongFrame(explained(self._pairs), value, bound)
@@ -397,7 +397,7 @@ def _bend(a: Vec3, b: Vec3, c: Vec3, early: float, soon: float) -> Vec3:
 
 
 _NAMES = "xyz"
-_FITS, _WELL, _EXPLAINS = 1.25, 0.05, 0.4
+_SIMILAR_FIT, _GOOD_SHARE, _BEST_SHARE = 1.25, 0.05, 0.4
 """How much worse than the best explanation another one may fit, and the shares of the
 accelerations' squares that a good explanation may leave, and the best one."""
 
@@ -429,12 +429,12 @@ def explained(pairs: Iterable[tuple[Vec3, Vec3]]) -> str:
     scaled = sum(_square(sub(seen, scale(felt, factor))) for seen, felt in both)
     rest = [sum(axes.left(seen, felt) for seen, felt in both) for axes in _ALL_AXES]
     least = min(rest)
-    if min(least, scaled) > _EXPLAINS * total:
+    if min(least, scaled) > _BEST_SHARE * total:
         return (
             "motion capture and IMU disagree about the motion: check the stream's `units` and"
             " `axes`, and the body's heading"
         )
-    enough = max(_FITS * least, _WELL * total)
+    enough = max(_SIMILAR_FIT * least, _GOOD_SHARE * total)
     if scaled <= enough:
         return f"motion capture shows {factor:.2g} times the motion: check the stream's `units`"
     fitting = zip(_ALL_AXES, rest, strict=True)

@@ -305,14 +305,14 @@ class Turn:
         return "" if left <= tolerance else f" and {left / DEG:.1f} deg from the heading"
 
 
-SEEN_FOR = 0.1
+MAX_TICK_S = 0.1
 """The longest time (s) that one tick can count for: nobody knows what held while the process
 hung."""
 
 
 class Dwell:
     """Measures how long a condition has held without interruption. A tick that comes later than
-    `SEEN_FOR` after the last one counts for that time only."""
+    `MAX_TICK_S` after the last one counts for that time only."""
 
     __slots__ = ("_held",)
 
@@ -325,5 +325,5 @@ class Dwell:
             self._held = 0.0
             return False
         reached = self._held >= wanted - 1e-9
-        self._held += min(dt, SEEN_FOR)
+        self._held += min(dt, MAX_TICK_S)
         return reached

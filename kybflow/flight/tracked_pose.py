@@ -12,9 +12,9 @@ nothing compensates the lag.
 
 Attitude and body rates pass the same filter, applied to the rotation, which has no sign to flip.
 The estimate is predicted over the latency to `now`. A turn and an acceleration last for a moment
-only, so they are believed for `AHEAD` at most. After that the attitude and the velocity stay as
-they are, the body rates are zero, and the spread grows by a t^2 / 2, which the unknown acceleration
-a = 5 m/s^2 of `kybflow.flight.pose_gate` explains in the time t since then.
+only, so they are believed for `MAX_EXTRAPOLATION_S` at most. After that the attitude and the
+velocity stay as they are, the body rates are zero, and the spread grows by a t^2 / 2, which the
+unknown acceleration a = 5 m/s^2 of `kybflow.flight.pose_gate` explains in the time t since then.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from kybflow.flight.pose_gate import ACCELERATION
 
 MIN_UPRIGHT = 0.5
 """Least vertical component of body z at which its slope is used as an acceleration."""
-AHEAD = 0.1
+MAX_EXTRAPOLATION_S = 0.1
 """Age of a pose, seconds, from which on it no longer tells how the body turns and accelerates."""
 NOISE_SCALE, MAX_SMOOTHING, MAX_SMOOTHING_UP, WARM_UP_POSES = 0.008, 4.0, 2.0, 60
 
@@ -113,12 +113,15 @@ class TrackedPose:
         vx, vy, vz = self.velocity
         ax, ay = self._pull
         rates, spread = self.rates, self.spread
-        if age <= AHEAD:
+        if age <= MAX_EXTRAPOLATION_S:
             ahead, h, attitude = age, 0.5 * age, integrate(self.attitude, rates, age)
         else:
-            ahead, h = AHEAD, AHEAD * (1.0 - 0.5 * AHEAD / age)
-            attitude, rates = integrate(self.attitude, rates, AHEAD), ZERO
-            spread = hypot(spread, 0.5 * ACCELERATION * (age - AHEAD) ** 2)
+            ahead, h = (
+                MAX_EXTRAPOLATION_S,
+                MAX_EXTRAPOLATION_S * (1.0 - 0.5 * MAX_EXTRAPOLATION_S / age),
+            )
+            attitude, rates = integrate(self.attitude, rates, MAX_EXTRAPOLATION_S), ZERO
+            spread = hypot(spread, 0.5 * ACCELERATION * (age - MAX_EXTRAPOLATION_S) ** 2)
         position = (px + age * (vx + h * ax), py + age * (vy + h * ay), pz + age * vz)
         velocity = (vx + ahead * ax, vy + ahead * ay, vz)
         return made(Estimate, (now, position, velocity, attitude, rates, source, age, spread))
@@ -134,7 +137,7 @@ class TrackedPose:
         vx, vy, vz = velocity
         tx, ty = self._slope(attitude, motion.velocity)
         ax, ay = self._pull
-        ahead = min(age, AHEAD)
+        ahead = min(age, MAX_EXTRAPOLATION_S)
         jx, jy, moved, gained = tx - ax, ty - ay, ahead * ahead / 6.0, 0.5 * ahead
         position = (px + jx * moved, py + jy * moved, pz)
         velocity = (vx + jx * gained, vy + jy * gained, vz)

@@ -54,9 +54,9 @@ LANDING_TIMEOUT, SLOWEST_DESCENT = 60.0, 0.2
 """Vehicles have `LANDING_TIMEOUT` seconds to land after the mission's time limit, or, if that is
 longer, the time of a descent from the top of the fence at `SLOWEST_DESCENT` m/s."""
 _OBSERVED_EVERY = NS // 20
-KEPT = 0.9
+MIN_TICK_SHARE = 0.9
 """The share of a second's ticks below which the computer is reported to be late."""
-_REPORTED_EVERY = 10 * NS
+_REPORT_PERIOD_NS = 10 * NS
 
 Observer = Callable[["Engine"], None]
 
@@ -191,7 +191,7 @@ class Engine:
         if self.clock.now >= self._next_look:
             self._next_look = self.clock.now + _OBSERVED_EVERY
             self.drops.step()
-            if self._ticks.update() and self._ticks.share < KEPT:
+            if self._ticks.update() and self._ticks.share < MIN_TICK_SHARE:
                 self._report_late(self.clock.now)
             for observe in self._observers:
                 self._observed(observe)
@@ -202,10 +202,12 @@ class Engine:
     def _report_late(self, now: Time) -> None:
         """Report that the computer is late, every 10 s at most."""
         last = self._reported_late
-        if last is None or now - last >= _REPORTED_EVERY:
+        if last is None or now - last >= _REPORT_PERIOD_NS:
             self._reported_late = now
             ticks = self._ticks
-            self.events.emit(TicksMissed(reason=str(ticks), value=ticks.share, bound=KEPT))
+            self.events.emit(
+                TicksMissed(reason=str(ticks), value=ticks.share, bound=MIN_TICK_SHARE)
+            )
 
     def _observed(self, observe: Observer) -> None:
         try:

@@ -8,7 +8,7 @@ import pytest
 
 from kybflow.core.geometry import GRAVITY, ZERO, distance, from_euler, tilt_of
 from kybflow.core.signals import NS, Pose
-from kybflow.flight.tracked_pose import AHEAD, TrackedParams, TrackedPose
+from kybflow.flight.tracked_pose import MAX_EXTRAPOLATION_S, TrackedParams, TrackedPose
 
 AGES = (0.0, 0.05, 0.12, 0.26)
 REACH, RATE, LATE = 0.02, 2.0 * pi * 1.5, 0.07
@@ -56,7 +56,9 @@ def test_without_poses_it_neither_turns_nor_accelerates_on_and_its_doubt_grows()
     assert max(tilts) < 46.0
     assert [motion.angular_velocity == ZERO for motion in motions] == [False, False, True, True]
     pull = (motions[1].velocity[0] - motions[0].velocity[0]) / AGES[1]
-    assert motions[-1].velocity[0] == pytest.approx(motions[0].velocity[0] + AHEAD * pull)
+    assert motions[-1].velocity[0] == pytest.approx(
+        motions[0].velocity[0] + MAX_EXTRAPOLATION_S * pull
+    )
     spreads = [motion.spread for motion in motions]
     assert spreads[1] == spreads[0] < spreads[2] < 0.01
     assert spreads[3] > 0.05
@@ -67,7 +69,7 @@ def test_the_prediction_has_no_step_where_its_bound_is() -> None:
     for i in range(60):
         track.take(swaying(i / 30)[0])
     before, after = (
-        track.bent(track.predicted(track.stamp + round((AHEAD + off) * NS), ""))
+        track.bent(track.predicted(track.stamp + round((MAX_EXTRAPOLATION_S + off) * NS), ""))
         for off in (-1e-6, 1e-6)
     )
     assert distance(before.position, after.position) < 1e-5

@@ -67,7 +67,7 @@ class Ground(Supervisor[GroundParams]):
             self._has_flown = self._has_flown or height > self._near - _NEAR_HEIGHT + _FLOWN_HEIGHT
             self._since = None
             return None
-        if not self._leaves(tick.setpoint, estimate) or abs(estimate.velocity[2]) > _STILL_SPEED:
+        if abs(estimate.velocity[2]) > _STILL_SPEED or not self._leaves(tick.setpoint, estimate):
             self._since = None
             return None
         self._since = tick.now if self._since is None else self._since
@@ -88,5 +88,7 @@ class Ground(Supervisor[GroundParams]):
         if climb <= _SINK_SPEED:
             return False
         off = setpoint.position[2] - estimate.position[2]
+        if abs(off) > self.params.gap:
+            return True
         above = height_above_ground(self._context, estimate.position, estimate.attitude)
-        return abs(off) > self.params.gap or above + off < STAND_HEIGHT
+        return above + off < STAND_HEIGHT

@@ -17,7 +17,7 @@ from math import degrees
 
 from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Tick
 from kybflow.core.units import DEG, AngularRate
-from kybflow.flight.tracked_pose import AHEAD
+from kybflow.flight.tracked_pose import MAX_EXTRAPOLATION_S
 from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -59,7 +59,7 @@ class Spin(Supervisor[SpinParams]):
             self._rate, self._spins = 0.0, False
             return None
         rate = self._rate
-        if estimate.age <= AHEAD:
+        if estimate.age <= MAX_EXTRAPOLATION_S:
             asked = 0.0 if setpoint is None else setpoint.heading_rate
             rate = estimate.angular_velocity[2] - asked
         self._rate += (rate - self._rate) * dt / (_AVERAGING_S + dt)

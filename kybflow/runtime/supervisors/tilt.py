@@ -16,7 +16,7 @@ from math import degrees, pi
 from kybflow.core.geometry import tilt_of
 from kybflow.core.signals import Alarm, Reaction, ReactionName, Tick
 from kybflow.core.units import DEG, Angle
-from kybflow.flight.tracked_pose import AHEAD
+from kybflow.flight.tracked_pose import MAX_EXTRAPOLATION_S
 from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -55,7 +55,7 @@ class TiltSupervisor(Supervisor[TiltSupervisorParams]):
         self._tilted = False
 
     def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
-        if tick.estimate is None or tick.estimate.age > AHEAD or not off_ground:
+        if tick.estimate is None or tick.estimate.age > MAX_EXTRAPOLATION_S or not off_ground:
             self._tilted = False
             return None
         tilt, limit = tilt_of(tick.estimate.attitude), self.params.limit
