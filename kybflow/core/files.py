@@ -9,6 +9,7 @@ skipped. Errors are raised as FileError with the line number.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -71,7 +72,7 @@ def write_whole(path: Path, data: bytes) -> None:
     if whole.exists() and not whole.is_file():
         path.write_bytes(data)
         return
-    aside = whole.with_name(f".{whole.name}.part")
+    aside = whole.with_name(f".{whole.name}.{os.getpid()}")  # another process may write it too
     try:
         aside.write_bytes(data)
         aside.replace(whole)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -128,7 +129,7 @@ def test_a_picture_says_what_its_pose_rests_on(looked):
 def test_a_picture_that_cannot_be_written_is_told_and_no_half_of_it_stays(looked):
     place = looked.folder.path / "frames/mk/tag_camera/down"
     place.mkdir(parents=True)
-    (place / ".0001.000s-no-pose.jpg.part").symlink_to("/dev/full")
+    (place / f".0001.000s-no-pose.jpg.{os.getpid()}").symlink_to("/dev/full")
     said = r"0001\.000s-no-pose\.jpg` can't be written: No space"
     with pytest.raises(RunFolderError, match=said):
         looked.at(1.0)

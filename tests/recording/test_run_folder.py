@@ -4,6 +4,7 @@ its growing files."""
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
@@ -96,7 +97,7 @@ def test_a_full_disk_stops_the_events_and_nothing_else(tmp_path, monkeypatch):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
 def test_a_summary_that_cannot_be_written_is_no_summary(tmp_path):
     run = create_run_folder(PLAN, tmp_path, STARTED)
-    (tmp_path / ".summary.json.part").symlink_to("/dev/full")
+    (tmp_path / f".summary.json.{os.getpid()}").symlink_to("/dev/full")
     assert not run.finish({"outcome": "succeeded"})
     assert run.failed == f"`{tmp_path}/summary.json` can't be written: No space left on device"
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["events.jsonl"]

@@ -9,7 +9,6 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import logging
-import os
 import struct
 from collections.abc import Sequence
 from contextlib import suppress
@@ -20,6 +19,7 @@ import mujoco
 import numpy
 from llvmlite import binding
 
+from kybflow.core.files import write_whole
 from kybflow.drivers.sim.sensors import ImuErrors, ImuSource, imu_sample
 from kybflow.drivers.sim.steps.onboard import (
     Numbers,
@@ -131,14 +131,11 @@ def _kept(fingerprint: str) -> bytes:
 
 
 def _keep(code: bytes, files: Sequence[Path]) -> None:
-    """Write the code to the first of `files` that can be written, atomically. Raises OSError if
-    none can."""
+    """Write the code to the first of `files` that can be written. Raises OSError if none can."""
     for file in files:
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
-            written = file.with_suffix(f".{os.getpid()}")
-            written.write_bytes(_digest(code) + code)
-            written.replace(file)
+            write_whole(file, _digest(code) + code)
         except OSError as error:
             refused = error
         else:
