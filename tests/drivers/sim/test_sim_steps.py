@@ -235,7 +235,7 @@ def test_a_kept_kernel_is_loaded_without_numba():
     world(seat())
     second = "from sim_worlds import seat, world; import sys; world(seat()); print(*sys.modules)"
     run = subprocess.run(
-        [sys.executable, "-c", second], check=True, capture_output=True, text=True,
+        [sys.executable, "-P", "-c", second], check=True, capture_output=True, text=True,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )  # fmt: skip
     loaded = run.stdout.split()
