@@ -10,7 +10,7 @@ from typing import Any
 from kybflow.dsl.plan import Plan
 from kybflow.recording.recorder import VehicleChannel
 from kybflow.runtime.expectations import Judge
-from kybflow.runtime.scores import VehicleScore
+from kybflow.runtime.monitoring.tracking_errors import TrackingErrors
 
 
 class Stages:
@@ -67,7 +67,7 @@ def _methods(plan: Plan) -> list[tuple[str, type, str]]:
         ("link: measurements, truth, command", SimulatedVehicle, "send"): None,
         ("recorder", VehicleChannel, "tick"): None,
         ("recorder", VehicleChannel, "measurement"): None,
-        ("score and expectations", VehicleScore, "sample"): None,
+        ("score and expectations", TrackingErrors, "update"): None,
         ("score and expectations", Judge, "sample"): None,
     }
     for vehicle in plan.vehicles:
