@@ -12,7 +12,15 @@ from math import hypot
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from kybflow.api.opening import Devices, PlanEntryJudge, assemble, clock_for, open_devices, pace_of
+from kybflow.api.opening import (
+    Devices,
+    OptionJudge,
+    PlanEntryJudge,
+    assemble,
+    clock_for,
+    open_devices,
+    pace_of,
+)
 from kybflow.core.errors import DriverError, PartFailed, described
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Event, Time
@@ -107,7 +115,7 @@ def fly(
     event that nothing waits for. Later failures are not raised but listed in the summary.
     """
     began, started = time.monotonic(), datetime.now().astimezone()
-    check_options(plan, request.options)
+    check_options(plan, request.options, OptionJudge(plan))
     check_emitted(plan, (name for _, name in request.emitted))
     commands = CommandQueue(request.emitted, request.again)
     record = _Record(plan, request, started)

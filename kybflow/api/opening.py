@@ -12,11 +12,12 @@ from typing import Any, NamedTuple
 
 from kybflow.core.errors import DriverError, FileError, KybflowError, Refused, described
 from kybflow.core.geometry import Vec3
+from kybflow.core.params import Field
 from kybflow.core.signals import Sticks
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.entry_values import OF_ENTRIES
-from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
-from kybflow.dsl.expanding.flows import entry_values
+from kybflow.dsl.checks.entry_values import OF_ENTRIES, OF_OPTIONS
+from kybflow.dsl.diagnostics import Diagnostic, Findings, Severity, Span
+from kybflow.dsl.expanding.flows import entry_values, with_value
 from kybflow.dsl.expanding.world import Points
 from kybflow.dsl.language.records import Source
 from kybflow.dsl.plan import InputPlan, PartPlan, Plan, Values, VehiclePlan
@@ -227,7 +228,7 @@ def assemble(
     behaviors = {state.behavior.cls for v in plan.vehicles for state in v.states.values()}
     broadcasts = Broadcasts() if any(cls.hears for cls in behaviors) else None
     moving = MovingObstacles(plan.moving, events, devices.watching)
-    settable = Options(devices.vehicles, events)
+    settable = Options(devices.vehicles, events, OptionJudge(plan))
     for vehicle in plan.vehicles:
         name, context = vehicle.name, context_of(plan, vehicle)
         devices.vehicles[name] = Vehicle(
@@ -300,6 +301,29 @@ class PlanEntryJudge:
             if first is not None:
                 return _in_a_line(first)
         return None
+
+
+class OptionJudge:
+    """Checks the values to which options are changed during a run (`Objection`). The compiler's
+    checks run on the mission as if it declared the value where the part is used, with all other
+    values as the mission has them."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+
+    def __call__(self, vehicle: str, label: str, field: Field, value: Any) -> str | None:
+        own = self._plan.fleet[vehicle]
+        part = next((part for part in own.parts if part.label == label), None)
+        if part is None:
+            return None
+        node = nodes.Scalar("", _HERE)
+        changed = own.with_part(with_value(part, field, value, node))
+        fleet = tuple(changed if own is one else one for one in self._plan.vehicles)
+        case = Case(self._plan.but(vehicles=fleet), Catalog({}))
+        found = (f for check in OF_OPTIONS for f in check(case))
+        wrong = (f for f in found if f.span == _HERE and f.severity is Severity.ERROR)
+        first = next(wrong, None)
+        return None if first is None else _in_a_line(first)
 
 
 def _in_a_line(finding: Diagnostic) -> str:

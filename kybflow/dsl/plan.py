@@ -324,6 +324,23 @@ class VehiclePlan(Record):
             *(state.behavior for state in self.states.values()),
         ]
 
+    def with_part(self, part: PartPlan) -> VehiclePlan:
+        """Return the vehicle with this part in place of the one that has its label."""
+
+        def chosen(own: PartPlan) -> PartPlan:
+            return part if own.label == part.label else own
+
+        return self.but(
+            estimators=tuple(use.but(part=chosen(use.part)) for use in self.estimators),
+            processors=tuple(map(chosen, self.processors)),
+            tracker=chosen(self.tracker),
+            supervisors=tuple(map(chosen, self.supervisors)),
+            states={
+                name: state.but(behavior=chosen(state.behavior))
+                for name, state in self.states.items()
+            },
+        )
+
     @property
     def own_cameras(self) -> dict[str, Camera]:
         """The cameras of the airframe, by name."""

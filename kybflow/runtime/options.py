@@ -8,7 +8,7 @@ reason. A safety parameter can only be tightened while its vehicle flies.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
@@ -42,6 +42,11 @@ class Holder(Protocol):
         """Replace the value of the parameter `name` of the part `label`."""
 
 
+Objection = Callable[[str, str, Field, Any], str | None]
+"""Returns why a part can't have a value, or None: given the vehicle, the part's label, the
+parameter and the value (SI)."""
+
+
 class _Change(NamedTuple):
     """A requested change that waits for the next tick."""
 
@@ -55,12 +60,18 @@ class _Change(NamedTuple):
 
 
 class Options:
-    """The options of every vehicle. Changes wait for the next tick. holders: the vehicles by name;
-    more may be added to the mapping until the first call."""
+    """The options of every vehicle. Changes wait for the next tick.
 
-    def __init__(self, holders: Mapping[str, Holder], events: Events) -> None:
+    holders: the vehicles by name; more may be added to the mapping until the first call.
+    objection: judges each value as a compiler judges what a mission declares.
+    """
+
+    def __init__(
+        self, holders: Mapping[str, Holder], events: Events, objection: Objection | None = None
+    ) -> None:
         self._holders = holders
         self._events = events
+        self._objection = objection
         self._waiting: list[_Change] = []
 
     def names(self) -> Iterator[str]:
@@ -92,6 +103,8 @@ class Options:
                 if named not in self._holders:
                     raise OptionRefused(f"there is no vehicle `{named}`")
             reason = self._loosened(holder, label, field.name, value)
+            if reason is None and self._objection is not None:
+                reason = self._objection(holder.name, label, field, value)
             if reason is not None:
                 raise OptionRefused(reason)
         except OptionRefused as refusal:
@@ -164,10 +177,13 @@ class _Planned:
         self._parameters[label] = replace(self._parameters[label], **{name: value})
 
 
-def check_options(plan: Plan, wanted: Iterable[tuple[str, str]]) -> None:
+def check_options(
+    plan: Plan, wanted: Iterable[tuple[str, str]], objection: Objection | None = None
+) -> None:
     """Raise OptionRefused for the first (name, value) in `wanted` that can't be set. Needs only the
     plan, so that this can be checked before any link or file is opened."""
-    options = Options({vehicle.name: _Planned(vehicle) for vehicle in plan.vehicles}, Events())
+    planned = {vehicle.name: _Planned(vehicle) for vehicle in plan.vehicles}
+    options = Options(planned, Events(), objection)
     for name, value in wanted:
         options.set(name, value, "command line")
 

@@ -251,6 +251,33 @@ def test_in_flight_a_safety_parameter_only_tightens(run):
     assert changed == [name for name, _, _, _ in CHANGES]
 
 
+UNSTABLE = ("a.trackers.cascade.proportional", "900", "would make `a` oscillate")
+
+
+def test_a_gain_that_the_compiler_refuses_is_refused_before_the_flight(run):
+    name, value, reason = UNSTABLE
+    with pytest.raises(OptionRefused, match=reason):
+        run(vehicle("a", [up("down"), down()]), options=((name, value),))
+
+
+def test_a_gain_that_the_compiler_refuses_is_refused_in_flight(run):
+    name, value, reason = UNSTABLE
+    answers: list[str] = []
+
+    def change(engine):
+        if engine.seconds() > 2.0 and not answers:
+            engine.options.set(name, "12", "test")
+            with pytest.raises(OptionRefused) as refusal:
+                engine.options.set(name, value, "test")
+            answers.append(str(refusal.value))
+
+    _, told = run(vehicle("a", [up("hold"), hold(4.0, "down"), down()]), observers=(change,))
+    [answer] = answers
+    assert reason in answer
+    assert [e.fields["value"] for e in named(told, "option_changed")] == ["12.0"]
+    assert [e.fields["reason"] for e in named(told, "option_refused")] == answers
+
+
 def test_on_the_ground_anything_in_bounds_goes(run):
     plan = vehicle("a", [up("down"), down()])
     changes = [(name, value) for name, *values, _ in CHANGES for value in values]

@@ -18,9 +18,11 @@ from itertools import chain
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from kybflow.dsl.checks.actions import sets_of
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics import Diagnostic, Span
-from kybflow.dsl.expanding.flows import entered_states, valued_requests
+from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
+from kybflow.dsl.expanding.flows import entered_states, valued_requests, with_value
+from kybflow.dsl.names import option_values
 from kybflow.dsl.plan import Plan
 
 if TYPE_CHECKING:
@@ -56,7 +58,8 @@ def check(plan: Plan, catalog: Catalog) -> list[Diagnostic]:
 
     # several vehicles may share a mistake, and several paths may lead to it: the first is kept
     first: dict[tuple[str, Span, str], Diagnostic] = {}
-    for finding in chain(_found(Case(plan, catalog)), _found_with_values(plan, catalog)):
+    case = Case(plan, catalog)
+    for finding in chain(_found(case), _found_with_values(plan, catalog), _found_at_sets(case)):
         message = _NAMED.sub(blank, finding.message)
         first.setdefault((finding.code, finding.span, message), finding)
     return list(first.values())
@@ -87,3 +90,21 @@ def _found_with_values(plan: Plan, catalog: Catalog) -> Iterator[Diagnostic]:
         for finding in _found(Case(plan.but(vehicles=vehicles), catalog)):
             is_there = finding.span.is_in(source.node.span)
             yield finding if is_there else replace(finding, notes=(*finding.notes, note))
+
+
+def _found_at_sets(case: Case) -> Iterator[Diagnostic]:
+    """Yield the findings about the values of options that callbacks and flows set. For each, the
+    mission is checked as if the value were written where the part is declared; what is then found
+    elsewhere than at this value is left out, because the option doesn't have it from the start."""
+    for name, node in sets_of(case):
+        vehicles = {}
+        for option, value in option_values(name, node, case.plan, case.catalog, Findings()):
+            vehicle, _, label = option.name.removesuffix(f".{option.field.name}").partition(".")
+            own = case.plan.fleet[vehicle]
+            part = next((part for part in own.parts if part.label == label), None)
+            if part is not None:  # not of a built-in state
+                vehicles[vehicle] = own.with_part(with_value(part, option.field, value, node))
+        if vehicles:
+            fleet = tuple(vehicles.get(own.name, own) for own in case.plan.vehicles)
+            found = _found(Case(case.plan.but(vehicles=fleet), case.catalog))
+            yield from (one for one in found if one.span.is_in(node.span))

@@ -1,23 +1,17 @@
-"""The actions of callbacks: KYB232 to KYB235, KYB442, KYB553 and KYB554."""
+"""The actions of callbacks: KYB232 to KYB235, KYB553 and KYB554."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
 from kybflow.core.text import did_you_mean
-from kybflow.core.units import ANGLE, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case, wrong_goal
-from kybflow.dsl.checks.limits import LIMITS
 from kybflow.dsl.diagnostics import Diagnostic, Findings, Text
 from kybflow.dsl.names import option_values, unknown_vehicle
 from kybflow.dsl.plan import ActionKeys
 from kybflow.dsl.reading.nodes import Node
 from kybflow.dsl.reading.values import shown_value
 from kybflow.parts import Act
-
-_ROUNDING = 1e-6
-
-_TOO_MUCH = {"tilt": "tilt that far", "speed": "fly that fast", "climb": "climb that fast"}
 
 
 def switches(case: Case) -> Iterator[Diagnostic]:
@@ -77,28 +71,6 @@ def loosened(case: Case) -> Iterator[Diagnostic]:
                     node.span,
                     label=f"`{declared}` is stricter",
                     help="write the looser value where the part is declared, and tighten it here",
-                )
-                break
-
-
-def set_beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
-    """KYB442: `set` raises a `tilt`, `speed` or `climb` above the limit of the vehicle's
-    airframe."""
-    for asked, node in sets_of(case):
-        for option, value in option_values(asked, node, case.plan, case.catalog, Findings()):
-            name, vehicle = option.field.name, option.name.partition(".")[0]
-            limit = getattr(case.plan.fleet[vehicle].airframe, name, None)
-            dimension = option.field.dimension
-            if name not in LIMITS or dimension not in (SPEED, ANGLE) or value is None:
-                continue
-            if limit is not None and value > limit + _ROUNDING:
-                most = format_quantity(limit, dimension)
-                yield Diagnostic(
-                    "KYB442",
-                    f"`{vehicle}` can't {_TOO_MUCH[name]}",
-                    node.span,
-                    label=f"its airframe allows {most}",
-                    help=f"set at most `{most}`",
                 )
                 break
 

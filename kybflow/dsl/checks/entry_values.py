@@ -6,9 +6,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.limits import too_fast, too_steep
+from kybflow.dsl.checks.limits import beyond_the_airframe, too_fast, too_steep
+from kybflow.dsl.checks.margins import gains_that_oscillate
 from kybflow.dsl.checks.obstacles import flies_into, kept_from_goals
 from kybflow.dsl.checks.space import held_back, leaves_the_fence, refuses
+from kybflow.dsl.checks.together import at_odds
+from kybflow.dsl.checks.watching import crossed_at_once
 from kybflow.dsl.diagnostics import Diagnostic, Findings
 from kybflow.dsl.expanding.flows import entry_values, valued_requests
 from kybflow.dsl.names import BUILT_IN
@@ -24,6 +27,10 @@ OF_ENTRIES = (
 )
 """The checks that apply when a state is entered with values in flight: those that depend only on
 the values and the entry position."""
+
+
+OF_OPTIONS = (*OF_ENTRIES, beyond_the_airframe, gains_that_oscillate, crossed_at_once, at_odds)
+"""The checks that apply when an option is changed in flight."""
 
 
 def values(case: Case) -> Iterator[Diagnostic]:

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from kybflow.core.params import Field
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics import Findings
 from kybflow.dsl.expanding.vehicles import next_transition
@@ -28,7 +29,7 @@ from kybflow.dsl.plan import (
     VehiclePlan,
     Ways,
 )
-from kybflow.dsl.reading.nodes import Mapping, Node, entries_of, is_null
+from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, entries_of, is_null
 from kybflow.dsl.reading.values import decode_value
 from kybflow.parts import GROUND
 
@@ -236,13 +237,18 @@ def entry_values(source: Source, part: PartPlan, found: Findings) -> Values:
     return () if len(found.all) > before else tuple(values)
 
 
-def with_values(state: StatePlan, source: Source, values: Values) -> StatePlan:
-    """Return the state with other values of its parameters."""
-    part = state.behavior
-    entries = {**entries_of(part.source.node), **entries_of(source.node)}
+def with_values(part: PartPlan, written: Node, values: Values) -> PartPlan:
+    """Return the part with other values (SI) of its parameters, as if `written` stood in the
+    mapping that declares it."""
+    entries = {**entries_of(part.source.node), **entries_of(written)}
     place = part.source._replace(node=Mapping(entries, part.source.node.span))
-    part = part.but(params=replace(part.params, **dict(values)), source=place)
-    return state.but(behavior=part)
+    return part.but(params=replace(part.params, **dict(values)), source=place)
+
+
+def with_value(part: PartPlan, field: Field, value: Any, node: Node) -> PartPlan:
+    """Return the part with another value (SI) of one parameter, as if `node` stood there."""
+    entry = MappingEntry(Scalar(field.key, node.span), node)
+    return with_values(part, Mapping({field.key: entry}, node.span), ((field.name, value),))
 
 
 def entered_states(plan: Plan, asked: ValuedRequest) -> Iterator[tuple[str, StatePlan]]:
@@ -253,7 +259,8 @@ def entered_states(plan: Plan, asked: ValuedRequest) -> Iterator[tuple[str, Stat
         state = vehicle.states.get(vehicle.goal(asked.request.state))
         values = values_for(vehicle, asked.request)
         if state is not None and values:
-            yield name, with_values(state, asked.request.source, values)
+            part = with_values(state.behavior, asked.request.source.node, values)
+            yield name, state.but(behavior=part)
 
 
 def values_for(vehicle: VehiclePlan, request: Request) -> Values:
