@@ -19,6 +19,8 @@ Mistakes in a mission are not exceptions: they are collected as diagnostics
 
 from __future__ import annotations
 
+from traceback import format_exception
+
 FAILED = 1
 """The exit code of a command that failed or was refused, whose verdict is negative, or whose output
 can't be written. 0 is success."""
@@ -66,11 +68,12 @@ class EstimateMissing(KybflowError):
 
 
 class PartFailed(KybflowError):
-    """A part raised an exception or returned an invalid value during a run. part: its label."""
+    """A part raised an exception or returned an invalid value during a run. part: its label.
+    traceback: where it raised."""
 
     def __init__(self, part: str, error: Exception) -> None:
         super().__init__(described(error))
-        self.part = part
+        self.part, self.traceback = part, traceback_of(error)
 
 
 class OptionRefused(KybflowError):
@@ -92,6 +95,12 @@ class CalibrationFailed(KybflowError):
 
 class DriverError(KybflowError):
     """A driver, a link or a device failed."""
+
+
+def traceback_of(error: Exception) -> str:
+    """Return the traceback of an exception as text; empty for kybflow's own errors, whose messages
+    are complete."""
+    return "" if isinstance(error, KybflowError) else "".join(format_exception(error))
 
 
 def described(error: Exception) -> str:

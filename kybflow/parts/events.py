@@ -30,6 +30,7 @@ class ObserverFailed(RunEvent):
     """An observer of the run raised and is not called again."""
 
     reason: str
+    traceback: str = ""
 
 
 class TicksMissed(RunEvent):
@@ -295,6 +296,7 @@ class PartFailedEvent(VehicleEvent):
 
     part: str
     reason: str
+    traceback: str = ""
 
 
 class ClampStarted(VehicleEvent):
@@ -582,6 +584,7 @@ class FaultFailed(VehicleEvent):
     awaited = "to log it"
     fault: str
     reason: str
+    traceback: str = ""
 
 
 class RunStopped(RunEvent):
@@ -601,6 +604,7 @@ class ActionFailed(RunEvent):
 
     action: str
     reason: str
+    traceback: str = ""
 
 
 class Collided(VehicleEvent):

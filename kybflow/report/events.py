@@ -50,7 +50,9 @@ def impact_text(event: Mapping[str, Any]) -> str:
 
 def fields_text(event: Mapping[str, Any]) -> str:
     return ", ".join(
-        f"{name}: {_value(value)}" for name, value in event["fields"].items() if value is not None
+        f"{name}: {_value(value)}"
+        for name, value in event["fields"].items()
+        if value is not None and name != "traceback"
     )
 
 

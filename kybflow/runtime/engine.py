@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from kybflow.core.errors import described
+from kybflow.core.errors import described, traceback_of
 from kybflow.core.signals import NS, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.names import FAULT
@@ -214,7 +214,7 @@ class Engine:
             observe(self)
         except Exception as error:  # an observer must not stop the flight
             self._observers = tuple(other for other in self._observers if other is not observe)
-            self.events.emit(ObserverFailed(reason=described(error)))
+            self.events.emit(ObserverFailed(reason=described(error), traceback=traceback_of(error)))
 
     def inspect(self) -> list[PreflightResult]:
         """Run the preflight's checks until all are green or it times out; return their lines, or

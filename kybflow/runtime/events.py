@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
-from kybflow.core.errors import described
+from kybflow.core.errors import described, traceback_of
 from kybflow.core.events import BaseEvent
 from kybflow.core.signals import Command, Estimate, Event, Measurement, Setpoint, Time, Truth
 from kybflow.parts.events import ObserverFailed
@@ -35,7 +35,8 @@ class Events:
                 listener(happened)
             except Exception as error:  # a listener must not stop the flight
                 self.listeners = [other for other in self.listeners if other is not listener]
-                self.emit(ObserverFailed(reason=described(error)))
+                failed = ObserverFailed(reason=described(error), traceback=traceback_of(error))
+                self.emit(failed)
 
     def take_unanswered(self) -> list[Event]:
         """Return the events that no callback has handled yet, and clear them."""

@@ -153,9 +153,11 @@ def test_the_page_tells_what_held_and_by_how_much(page):
 def test_text_from_the_mission_cannot_leave_its_place(folder):
     run = read_run(folder)
     evil = "</script><script>alert(1)</script>"
-    event = {"t_s": 1.0, "event": "landed", "vehicle": "mk", "at": evil, "fields": {"why": evil}}
+    fields = {"why": evil, "traceback": evil}
+    event = {"t_s": 1.0, "event": "landed", "vehicle": "mk", "at": evil, "fields": fields}
     page = render(replace(run, mission={**run.mission, "mission": evil}, events=[event]))
     assert evil not in page
+    assert "<summary>traceback</summary><pre>&lt;/script" in page
 
 
 def test_a_killed_run_still_has_a_report(tmp_path):

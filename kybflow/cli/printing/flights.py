@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from kybflow.campaigns.cases import Coverage, FlightResult
 
 _MARGIN = " " * 20
-_QUIET_FIELDS = frozenset({"behavior", "part"})
+_QUIET_FIELDS = frozenset({"behavior", "part", "traceback"})
 
 
 def sentence(event: Event) -> str:

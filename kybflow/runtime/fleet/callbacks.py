@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from kybflow.core.errors import OptionRefused, PartFailed, described
+from kybflow.core.errors import OptionRefused, PartFailed, described, traceback_of
 from kybflow.core.events import Custom
 from kybflow.core.signals import NS, Event, FieldValue, Time
 from kybflow.dsl.expressions import Expression
@@ -178,7 +178,9 @@ class _Callback:
                 do(event)
             except Exception as error:  # a part may raise anything; only it is removed
                 self._actions.remove((name, do))
-                failed = ActionFailed(action=name, reason=described(error))
+                failed = ActionFailed(
+                    action=name, reason=described(error), traceback=traceback_of(error)
+                )
                 events.emit(failed, at=self._plan.at)
 
     def matches(self, event: Event, events: Events) -> bool:

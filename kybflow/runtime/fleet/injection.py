@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
 
-from kybflow.core.errors import described
+from kybflow.core.errors import described, traceback_of
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, Measurement, Time
 from kybflow.dsl.expressions import Expression
@@ -82,7 +82,8 @@ class Injection:
     def _fail(self, plan: FaultPlan, how: str, error: Exception) -> None:
         name = plan.part.name
         self.failure = f"the fault `{name}` {how}: {described(error)}"
-        self._events.emit(FaultFailed(fault=name, reason=self.failure), plan.vehicle, plan.at)
+        failed = FaultFailed(fault=name, reason=self.failure, traceback=traceback_of(error))
+        self._events.emit(failed, plan.vehicle, plan.at)
 
 
 def _take_away(fault: _Working) -> None:

@@ -178,7 +178,8 @@ class Failsafe:
     def failure(self, failure: PartFailed, reaction: Reaction, at: str = "") -> RaisedAlarm:
         """Publish that a part failed; return the alarm for it."""
         reason, at = str(failure), at or self._lines.get(failure.part, "")
-        self._events.emit(PartFailedEvent(part=failure.part, reason=reason), self._vehicle, at)
+        event = PartFailedEvent(part=failure.part, reason=reason, traceback=failure.traceback)
+        self._events.emit(event, self._vehicle, at)
         alarm = Alarm("part_failed", reaction, f"`{failure.part}` failed: {reason}")
         return RaisedAlarm(alarm, at)
 

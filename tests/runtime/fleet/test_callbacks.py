@@ -186,7 +186,9 @@ def test_an_action_that_raises_is_told_and_left_out_and_the_others_go_on():
     assert bench.logged() == ["still here"] * 2
     [failed] = named(bench.told, "action_failed")
     assert failed.at == "m.yaml:9"
+    traceback = str(failed.fields.pop("traceback"))
     assert failed.fields == {"action": "broken", "reason": "ZeroDivisionError: a lab's own bug"}
+    assert "test_callbacks.py" in traceback
 
 
 def test_an_action_that_cannot_be_made_is_known_before_anything_flies():
