@@ -6,9 +6,11 @@ from __future__ import annotations
 import os
 import re
 import sys
+import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import IO, TYPE_CHECKING, Any, TypeVar, cast
+from contextlib import contextmanager, suppress
+from typing import IO, TYPE_CHECKING, Any, TextIO, TypeVar, cast
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -63,6 +65,84 @@ class GuardedStream:
         return getattr(self._stream, name)
 
 
+class UnwaitedStream:
+    """A stream for use in flight: whoever writes to it never waits for its reader and never gets an
+    error.
+
+    A thread writes to the file descriptor. While `_MOST_WAITING` characters wait, because the
+    terminal is stopped (Ctrl-S) or its connection hangs, further text is dropped; after an error,
+    all of it is. Leaving the context waits until everything is written.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._descriptor: int | None = None
+        with suppress(OSError):  # a stream in memory has no descriptor
+            self._descriptor = stream.fileno()
+        self._waiting: deque[str] = deque()
+        self._size = 0
+        self._changed = threading.Condition()
+        self._ends = False
+        self._writer = threading.Thread(target=self._write_all, name="output", daemon=True)
+
+    def __enter__(self) -> UnwaitedStream:
+        self._stream.flush()
+        self._writer.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._changed:
+            self._ends = True
+            self._changed.notify()
+        self._writer.join()
+
+    def write(self, text: str) -> int:
+        with self._changed:
+            if self._size + len(text) <= _MOST_WAITING:
+                self._waiting.append(text)
+                self._size += len(text)
+                self._changed.notify()
+        return len(text)
+
+    def line(self, text: str) -> None:
+        self.write(f"{text}\n")
+
+    def flush(self) -> None:
+        """Do nothing: the thread writes as soon as it can."""
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def _write_all(self) -> None:
+        is_open = True
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._waiting or self._ends)
+                if not self._waiting:
+                    return
+                text = self._waiting.popleft()
+            try:
+                is_open = is_open and self._written(text)
+            except OSError:
+                is_open = False
+            with self._changed:
+                self._size -= len(text)
+
+    def _written(self, text: str) -> bool:
+        """Write to the descriptor, if there is one. Python's own buffer has a lock, and while this
+        thread held it, the main thread could neither print nor exit."""
+        if self._descriptor is None:
+            self._stream.write(text)
+            return True
+        data = memoryview(text.encode(self._stream.encoding, "replace"))
+        while data:
+            data = data[os.write(self._descriptor, data) :]
+        return True
+
+
+_MOST_WAITING = 1 << 18
+
+
 def echo(text: str, err: bool = False) -> None:
     """Print `text`, in colour on a terminal."""
     stream = sys.stderr if err else sys.stdout
@@ -106,22 +186,23 @@ def notices() -> Iterator[None]:
     if not sys.stderr.isatty():
         yield
         return
-    logger, handler = logging.getLogger("kybflow"), logging.StreamHandler()
-    level = logger.level
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)
-        logger.removeHandler(handler)
+    with UnwaitedStream(sys.stderr) as stream:
+        logger, handler = logging.getLogger("kybflow"), logging.StreamHandler(stream)
+        level = logger.level
+        logger.addHandler(handler)
+        logger.setLevel(logging.INFO)
+        try:
+            yield
+        finally:
+            logger.setLevel(level)
+            logger.removeHandler(handler)
 
 
-def console(stream: IO[str]) -> Console:
+def console(stream: IO[str] | UnwaitedStream) -> Console:
     """Return a console that never raises an error of the stream, for use in flight."""
     from rich.console import Console
 
-    return Console(file=cast(IO[str], GuardedStream(stream)), emoji=False)
+    return Console(file=cast(IO[str], GuardedStream(cast(IO[str], stream))), emoji=False)
 
 
 def coloured(text: str) -> str:

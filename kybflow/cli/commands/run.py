@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Exit, Option
 
 from kybflow.cli import arguments
-from kybflow.cli.output import console, echo, notices, printer
+from kybflow.cli.output import UnwaitedStream, console, echo, notices, printer
 from kybflow.core.errors import FAILED, INTERRUPTED, INVALID, KybflowError
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ def fly_plan(
     from kybflow.cli.printing.flights import outcome, sentence
     from kybflow.recording.run_folder import RunUnwritten
 
-    out, err = printer(sys.stdout), printer(sys.stderr)
+    err = printer(sys.stderr)
     listeners: list[Callable[[Event], None]] = []
     observers: list[Observer] = []
     servers: list[Server] = []
@@ -143,27 +143,28 @@ def fly_plan(
         server = CommandServer()
         listeners.append(server.on_event)
         servers.append(server.serve)
-    try:
-        plan = with_window(plan) if live else plan
-        with ExitStack() as stack:
-            if plain or not sys.stdout.isatty():
-                listeners.append(lambda event: out(sentence(event)))
-            else:
-                panel = stack.enter_context(_panel(plan))
-                listeners.append(panel.on_event)
-                observers.append(panel.on_tick)
-                servers += [] if panel.commander is None else [panel.commander.serve]
-            stack.enter_context(notices())
-            flown = fly(plan, request, listeners, observers, servers)
-    except KybflowError as error:
-        err(f"error: {error}")
-        return FAILED if isinstance(error, RunUnwritten) else INVALID
-    for line in outcome(flown, has_pace=plan.simulated):
-        out(line)
-    return _report(flown, out, err) if report else flown.exit_code
+    with UnwaitedStream(sys.stdout) as out:
+        try:
+            plan = with_window(plan) if live else plan
+            with ExitStack() as stack:
+                if plain or not sys.stdout.isatty():
+                    listeners.append(lambda event: out.line(sentence(event)))
+                else:
+                    panel = stack.enter_context(_panel(plan, out))
+                    listeners.append(panel.on_event)
+                    observers.append(panel.on_tick)
+                    servers += [] if panel.commander is None else [panel.commander.serve]
+                stack.enter_context(notices())
+                flown = fly(plan, request, listeners, observers, servers)
+        except KybflowError as error:
+            err(f"error: {error}")
+            return FAILED if isinstance(error, RunUnwritten) else INVALID
+        for line in outcome(flown, has_pace=plan.simulated):
+            out.line(line)
+        return _report(flown, out.line, err) if report else flown.exit_code
 
 
-def _panel(plan: Plan) -> LivePanel:
+def _panel(plan: Plan, out: UnwaitedStream) -> LivePanel:
     """Return the table of the flight, with keys below it unless an input reads the keyboard."""
     from kybflow.cli.printing.live import LivePanel
 
@@ -174,7 +175,7 @@ def _panel(plan: Plan) -> LivePanel:
         from kybflow.core.terminal import Terminal
 
         person = TerminalCommander(Terminal(sys.stdin.fileno(), sys.stdout.fileno()))
-    return LivePanel(console(sys.stdout), person)
+    return LivePanel(console(out), person)
 
 
 def _report(flown: Flown, out: Callable[[str], None], err: Callable[[str], None]) -> int:
