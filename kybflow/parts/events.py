@@ -622,6 +622,13 @@ class LandedHard(VehicleEvent):
     speed: Speed
 
 
+class FenceLeft(VehicleEvent):
+    """The vehicle is outside the fence, whatever it estimates; the run fails."""
+
+    awaited = "nowhere"
+    beyond: Length
+
+
 class PayloadRested(VehicleEvent):
     """A released payload came to rest."""
 

@@ -81,6 +81,10 @@ class View(Protocol):
         """Seconds since the active state was entered."""
 
     @property
+    def airborne(self) -> bool:
+        """Whether the vehicle is off the ground and its rotors turn."""
+
+    @property
     def start(self) -> Vec3:
         """The vehicle's declared start in the world frame, metres."""
 
@@ -134,7 +138,7 @@ class Observable:
     of a state or an estimator), which is compared with `==` and `!=`. low, high: bounds that hold
     for every vehicle, SI. words: all possible values of a text, if they are fixed. reach: returns
     the bounds for a vehicle within an envelope; None if these don't differ from `low` and
-    `high`."""
+    `high`. wraps: whether it is a direction, which jumps from `high` to `low`."""
 
     help: str
     dimension: Dimension | None
@@ -143,6 +147,7 @@ class Observable:
     high: float = inf
     words: tuple[str, ...] = ()
     reach: Callable[[Envelope], tuple[float, float]] | None = None
+    wraps: bool = False
 
     def bounds(self, envelope: Envelope | None) -> tuple[float, float]:
         """Return the range that the value never leaves, for a vehicle within `envelope` if it is
@@ -193,7 +198,8 @@ OBSERVABLES: dict[str, Observable] = {
         reach=lambda e: (0.0, e.tilt),
     ),
     "state.heading": Observable(
-        "Heading from east.", ANGLE, lambda v: heading_of(v.state.attitude), -pi, pi
+        "Heading from east.", ANGLE, lambda v: heading_of(v.state.attitude), -pi, pi,
+        wraps=True,
     ),
     "battery.remaining": Observable(
         "Charge left, 0 to 100 %.", RATIO, lambda v: v.battery.remaining, 0.0, 1.0

@@ -17,7 +17,8 @@ times in seconds. Numbers have six significant digits. Null means "unknown" or "
 - `vehicles.NAME.foreign_commands`: commands from another program.
 - `flows.NAME.phases`: one entry for each time a phase was entered; `ended` is next, within, done
   (its vehicles have left the requested states), asked, operator or run_ended.
-- `expectations`: each line of `expect:`; `margin`, in the value's `unit`, is positive if it held.
+- `expectations`: each line of `expect:`; `margin`, in the value's `unit`, is positive if it held;
+  `unknown_s`: the time in flight for which its value was unknown, so that it says nothing.
 - `recording`: null if complete, otherwise why the recording stopped.
 """
 
@@ -127,6 +128,7 @@ def summarise(
                 "margin": _number(verdict.margin),
                 "unit": verdict.unit,
                 "at": without_homes(verdict.at),
+                "unknown_s": rounded(verdict.unknown),
             }
             for verdict in verdicts
         ],

@@ -34,7 +34,7 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Judge
 from kybflow.runtime.fleet.callbacks import Callbacks, RunControls
 from kybflow.runtime.fleet.flows import Flows
-from kybflow.runtime.fleet.ground_truth import Impacts, PayloadDrops
+from kybflow.runtime.fleet.ground_truth import Excursions, Impacts, PayloadDrops
 from kybflow.runtime.fleet.injection import Injection
 from kybflow.runtime.fleet.inputs import Inputs
 from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
@@ -87,7 +87,8 @@ class Engine:
         self.vehicles = tuple(vehicles)
         self.options, self.inputs, self.moving = options, inputs, moving
         self._believed = _views(BelievedView, vehicles)
-        self.judge = Judge(plan.expectations, _views(TrueView, vehicles), self.seconds)
+        true, period = _views(TrueView, vehicles), clock.period / NS
+        self.judge = Judge(plan.expectations, true, self.seconds, period)
         self.flows = Flows(plan, self.vehicles, self._condition(None), events, self.options)
         requests = {vehicle.name: vehicle.requests for vehicle in self.vehicles}
         controls = RunControls(requests, options, events, self.flows.enter, self.stop)
@@ -106,6 +107,7 @@ class Engine:
         active = {name: link.faults for name, link in links.items() if link.faults is not None}
         self.injection = Injection(plan.faults, active, self._condition, events, seed)
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable)
+        self.excursions = Excursions(self.vehicles, plan.fence, events)
         self.drops = PayloadDrops(self.vehicles, events)
         self._ticks = TickCount(clock)
         self._next_look: Time = 0
@@ -146,7 +148,9 @@ class Engine:
             if seconds >= landed_by:
                 break
             self.tick()
-        return self._landing or self.injection.failure or self.impacts.first
+        return (
+            self._landing or self.injection.failure or self.impacts.first or self.excursions.first
+        )
 
     def _over(self) -> bool:
         """Return whether every vehicle rests and no flow or callback will move it again."""
@@ -190,6 +194,7 @@ class Engine:
     def _advance(self) -> None:
         if self.clock.now >= self._next_look:
             self._next_look = self.clock.now + _OBSERVED_EVERY
+            self.excursions.step()
             self.drops.step()
             if self._ticks.update() and self._ticks.share < MIN_TICK_SHARE:
                 self._report_late(self.clock.now)

@@ -38,5 +38,6 @@ class EstimatorView:
     def _never(self) -> Any:
         raise Unavailable
 
-    state = wanted = battery = behavior = estimator = elapsed = start = property(_never)
+    state = wanted = battery = behavior = estimator = elapsed = airborne = property(_never)
+    start = property(_never)
     payload = payload_place = releases = sticks = property(_never)

@@ -2,13 +2,14 @@
 
 The engine calls `Judge.sample` once a tick; `Judge.verdicts` is called once, at the end. Samples
 are not stored, only running figures. An aggregate or comparison that was never sampled has the
-value None, and its expectation does not hold.
+value None, and its expectation does not hold. The time for which a value is unknown while its
+vehicle flies is counted, because nothing is known about the expectation then.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import inf, sqrt
+from math import atan2, cos, inf, sin, sqrt
 from typing import Any, NamedTuple, Protocol
 
 from kybflow.dsl.expressions import tree
@@ -25,16 +26,19 @@ class Assessment(NamedTuple):
     value: the measured value, for `always` the worst one; None if there is none.
     margin: the distance to the bound, negative if it was violated; None without a bound.
     unit: the SI unit of both.
+    unknown: the number of ticks in flight without a value.
     """
 
     held: bool
     value: float | None
     margin: float | None
     unit: str
+    unknown: int = 0
 
 
 class Verdict(NamedTuple):
-    """One line of `expect:` and its result. at: where the line is in the mission."""
+    """One line of `expect:` and its result. at: where the line is in the mission. unknown: the
+    seconds in flight for which its value was unknown."""
 
     text: str
     held: bool
@@ -42,6 +46,7 @@ class Verdict(NamedTuple):
     margin: float | None
     unit: str
     at: str
+    unknown: float = 0.0
 
 
 class Expectation(Protocol):
@@ -51,12 +56,13 @@ class Expectation(Protocol):
 
 class Judge:
     """Judges every expectation of a mission. views: the vehicles' true states in simulation, their
-    estimates on hardware. now: returns the seconds since the start of the run."""
+    estimates on hardware. now: returns the seconds since the start of the run. period: the seconds
+    between two samples."""
 
     def __init__(
-        self, plans: Sequence[ExpectationPlan], views: Mapping[str, View], now: Now
+        self, plans: Sequence[ExpectationPlan], views: Mapping[str, View], now: Now, period: float
     ) -> None:
-        self._plans = tuple(plans)
+        self._plans, self._period = tuple(plans), period
         samplers = _Samplers(views, lambda a: value_of(a.value, views, a.vehicle, now))
         self._expectations = [_expectation(p, views, now, samplers) for p in plans]
         self._samples = samplers.groups()
@@ -69,10 +75,12 @@ class Judge:
 
     def verdicts(self, finished_at: float | None) -> tuple[Verdict, ...]:
         """Return the verdicts. finished_at: when the run was completed (s), None if it was not."""
-        return tuple(
-            Verdict(plan.text, *expectation.found(finished_at), plan.at)
-            for plan, expectation in zip(self._plans, self._expectations, strict=True)
-        )
+        verdicts = list[Verdict]()
+        for plan, expectation in zip(self._plans, self._expectations, strict=True):
+            held, value, margin, unit, unknown = expectation.found(finished_at)
+            seconds = unknown * self._period
+            verdicts.append(Verdict(plan.text, held, value, margin, unit, plan.at, seconds))
+        return tuple(verdicts)
 
 
 def _expectation(
@@ -111,18 +119,19 @@ class _Statistic(_AtTheEnd):
         self._left = _reader(left, samplers)
         self._right = _reader(right, samplers)
         self._unit = _unit(left)
+        self._sampled = samplers.statistics(left)
 
     def found(self, finished_at: float | None) -> Assessment:
-        value, bound = self._left(), self._right()
+        value, bound, unknown = self._left(), self._right(), self._sampled.unknown
         if value is None or bound is None:
-            return Assessment(False, None, None, self._unit)
+            return Assessment(False, None, None, self._unit, unknown)
         held = OPERATORS[self._operator](value, bound)
-        return Assessment(held, value, _margin(self._operator, value, bound), self._unit)
+        return Assessment(held, value, _margin(self._operator, value, bound), self._unit, unknown)
 
 
 class _Bound:
     """`always separation(all) > 60 cm`: records the worst value and its margin. Ticks in which the
-    value is unavailable are ignored."""
+    value is unavailable are only counted."""
 
     def __init__(self, condition: tree.Compare, views: Mapping[str, View], now: Now) -> None:
         self._unit = _unit(condition.left)
@@ -130,14 +139,17 @@ class _Bound:
         self._sign = _ORDERS[condition.operator]
         self._left = value_of(condition.left, views, None, now)
         self._right = value_of(condition.right, views, None, now)
+        self._flies = _flies(condition.left, views)
         self._held = True
         self._value: float | None = None
         self._margin = inf
+        self._unknown = 0
 
     def sample(self) -> None:
         try:
             value, bound = self._left(), self._right()
         except Unavailable:
+            self._unknown += self._flies()
             return
         margin = (bound - value) * self._sign
         if margin < self._margin:
@@ -146,8 +158,8 @@ class _Bound:
 
     def found(self, finished_at: float | None) -> Assessment:
         if self._value is None:
-            return Assessment(False, None, None, self._unit)
-        return Assessment(self._held, self._value, self._margin, self._unit)
+            return Assessment(False, None, None, self._unit, self._unknown)
+        return Assessment(self._held, self._value, self._margin, self._unit, self._unknown)
 
 
 class _Unbroken:
@@ -251,13 +263,29 @@ def _unit(value: Any) -> str:
     return "" if isinstance(value, tree.Word) else "m"
 
 
-class _Statistics:
-    """Mean, root mean square, minimum and maximum of the values added so far; None without any."""
+def _flies(value: Any, views: Mapping[str, View]) -> Callable[[], bool]:
+    """Return a function that returns whether any vehicle flies whose value this is."""
+    match value:
+        case tree.Read(vehicle, _):
+            names: tuple[str | None, ...] = (vehicle,)
+        case tree.Distance(a, b):
+            names = (a.vehicle, b.vehicle)
+        case tree.Separation(vehicles):
+            names = vehicles
+        case _:
+            names = ()
+    seen = [views[name] for name in names if name is not None]
+    return lambda: any(view.airborne for view in seen)
 
-    __slots__ = ("count", "high", "low", "squares", "total")
+
+class _Statistics:
+    """Mean, root mean square, minimum and maximum of the values added so far; None without any.
+    unknown: the number of ticks in flight without a value."""
+
+    __slots__ = ("count", "high", "low", "squares", "total", "unknown")
 
     def __init__(self) -> None:
-        self.count = 0
+        self.count = self.unknown = 0
         self.total = self.squares = 0.0
         self.low, self.high = inf, -inf
 
@@ -283,6 +311,25 @@ class _Statistics:
         return self.high if self.count else None
 
 
+class _Directions(_Statistics):
+    """Statistics of headings (rad), whose mean is that of the directions: between 170 and -170
+    degrees it is 180 (Mardia and Jupp, Directional Statistics, 2000, section 2.2.1)."""
+
+    __slots__ = ("east", "north")
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.east = self.north = 0.0
+
+    def add(self, value: float) -> None:
+        super().add(value)
+        self.east += cos(value)
+        self.north += sin(value)
+
+    def mean(self) -> float | None:
+        return atan2(self.north, self.east) if self.count else None
+
+
 _Source = tuple[object, str | None, str | None]
 """(value, vehicle, state); aggregates with equal sources share one sampler."""
 
@@ -303,7 +350,10 @@ class _Samplers:
         place = (aggregate.vehicle, aggregate.state)
         source = (aggregate.value, *place)
         if source not in self._known:
-            sampler = _Sampler(self._read(aggregate))
+            value, flies = aggregate.value, _flies(aggregate.value, self._views)
+            is_heading = isinstance(value, tree.Read) and OBSERVABLES[value.name].wraps
+            statistics = _Directions() if is_heading else _Statistics()
+            sampler = _Sampler(self._read(aggregate), flies, statistics)
             self._known[source] = sampler.statistics
             self._by_state.setdefault(place, []).append(sampler)
         return self._known[source]
@@ -324,16 +374,18 @@ class _Samplers:
 class _Sampler:
     """Adds a value to its statistics in each tick, unless the value is unavailable."""
 
-    def __init__(self, read: Callable[[], float]) -> None:
-        self.statistics = _Statistics()
-        self._read = read
+    def __init__(
+        self, read: Callable[[], float], flies: Callable[[], bool], statistics: _Statistics
+    ) -> None:
+        self.statistics = statistics
+        self._read, self._flies = read, flies
         self._add = self.statistics.add
 
     def sample(self) -> None:
         try:
             self._add(self._read())
         except Unavailable:
-            return
+            self.statistics.unknown += self._flies()
 
 
 def _group(

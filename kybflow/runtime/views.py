@@ -53,6 +53,10 @@ class BelievedView:
         return (self._vehicle.now - self._vehicle.runner.entered) / NS
 
     @property
+    def airborne(self) -> bool:
+        return self._vehicle.airborne
+
+    @property
     def start(self) -> Vec3:
         return self._vehicle.context.start
 

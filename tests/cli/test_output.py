@@ -19,13 +19,16 @@ MISSION = Path(__file__).parents[2] / "missions" / "first_flight.yaml"
 
 def test_a_writer_goes_on_while_nobody_reads_a_full_pipe() -> None:
     reading, writing = os.pipe()
-    with open(writing, "w", encoding="utf-8") as stream, open(reading, "rb") as read:
-        with UnwaitedStream(stream) as out:
-            for number in range(100_000):
-                out.line(f"{number}")
-            head = read.read(20)  # makes room: leaving waits until all is written
-            os.set_blocking(reading, False)
-            until(lambda: not (read.read() or out._waiting), "the rest is written")
+    with (
+        open(writing, "w", encoding="utf-8") as stream,
+        open(reading, "rb") as read,
+        UnwaitedStream(stream) as out,
+    ):
+        for number in range(100_000):
+            out.line(f"{number}")
+        head = read.read(20)  # makes room: leaving waits until all is written
+        os.set_blocking(reading, False)
+        until(lambda: not (read.read() or out._waiting), "the rest is written")
     assert head.startswith(b"0\n1\n2\n")
 
 

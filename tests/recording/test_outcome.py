@@ -99,6 +99,7 @@ def test_the_summary_has_the_documented_shape():
                 "margin": 18.75,
                 "unit": "s",
                 "at": "m.yaml:31",
+                "unknown_s": 0.0,
             }
         ],
         "recording": None,

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from math import sqrt
+from math import pi, radians, sqrt
 
 import pytest
 from fake_view import FakeView
 
+from kybflow.core.geometry import from_heading
 from kybflow.dsl.diagnostics import Span, Text
 from kybflow.dsl.expressions import Scope, parse
 from kybflow.dsl.plan import ExpectationPlan
@@ -22,7 +23,7 @@ class Run:
         self.a, self.b = FakeView(), FakeView(position=(9.0, 0.0, 0.0))
         self.now = 0.0
         views = {"a": self.a, "b": self.b}
-        self.judge = Judge([_plan(w) for w in words], views, lambda: self.now)
+        self.judge = Judge([_plan(w) for w in words], views, lambda: self.now, 1.0)
 
     def tick(self, error: float | None = None, behavior: str = "eight") -> None:
         """A second in which `a` is `error` metres from where it should be."""
@@ -114,6 +115,36 @@ def test_always_passes_over_what_cannot_be_known() -> None:
     run.a.remaining = 0.5
     run.tick()
     assert (True, 0.5, pytest.approx(0.3)) == run.verdict()[1:4]
+
+
+@pytest.mark.parametrize(
+    ("words", "airborne", "unknown"),
+    [
+        ("always a.position_error < 1 m", True, 2.0),
+        ("max(a.position_error in eight) < 1 m", True, 2.0),
+        ("max(a.position_error in up) < 1 m", True, 0.0),
+        ("always a.position_error < 1 m", False, 0.0),
+        ("always distance(a to b) > 1 cm", True, 0.0),
+    ],
+)
+def test_the_time_in_flight_without_a_value_is_counted(words, airborne, unknown) -> None:
+    run = Run(words)
+    run.a.airborne = airborne
+    run.tick(0.1, "up")
+    for _ in range(2):
+        run.tick(None)
+    assert run.verdict().unknown == unknown
+
+
+@pytest.mark.parametrize("signs", [(1.0, -1.0), (-1.0, 1.0)])
+def test_the_mean_of_headings_is_their_direction(signs) -> None:
+    run = Run("mean(a.state.heading) < 100 deg", "mean(a.state.heading) > -100 deg")
+    for sign in signs:
+        run.a.attitude = from_heading(sign * radians(175.0))
+        run.tick(0.0)
+    verdicts = run.judge.verdicts(None)
+    assert [abs(verdict.value or 0.0) for verdict in verdicts] == [pytest.approx(pi)] * 2
+    assert not all(verdict.held for verdict in verdicts)
 
 
 def test_always_with_a_condition_of_names() -> None:

@@ -21,6 +21,7 @@ class FakeView:
     remaining: float | None = None
     estimator: str = "mocap"
     elapsed: float = 0.0
+    airborne: bool = False
     start: Vec3 = ZERO
     age: float = 0.0
     spread: float = 0.0

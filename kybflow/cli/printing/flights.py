@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from kybflow.campaigns.cases import Coverage, FlightResult
 
 _MARGIN = " " * 20
+_NOTABLE_S = 0.1
+"""Time without a value that is worth a word, s."""
 _QUIET_FIELDS = frozenset({"behavior", "part", "traceback"})
 
 
@@ -53,7 +55,9 @@ def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
         mark = "held  " if expectation["held"] else "FAILED"
         value, unit = expectation["value"], str(expectation["unit"])
         measured = f"  ({format_measured(value, unit)})" if isinstance(value, float) else ""
-        yield f"{mark}  {expectation['text']}{measured}"
+        unknown = expectation["unknown_s"]
+        gap = f"; unknown for {unknown:.1f} s of the flight" if unknown > _NOTABLE_S else ""
+        yield f"{mark}  {expectation['text']}{measured}{gap}"
     for seconds, name in flown.never_given:
         yield f"`{name}` at {seconds:g} s was never given: the run ended before"
     reason = f": {headline(summary['reason'])}" if summary["reason"] else ""

@@ -344,6 +344,10 @@ class _Parser:
         elif not isinstance(node, _MEASURED) or inner.dimension is None:
             message = f"there is no statistic of `{inner.source}`"
             self._semantics.report("KYB212", inner.token, message, "not measured in numbers")
+        elif token.text == "rms" and _wraps(node):
+            message = f"there is no root mean square of `{inner.source}`, which is a direction"
+            hint = "use `mean`, which averages directions"
+            self._semantics.report("KYB212", token, message, "not of a direction", hint)
         measured = node if isinstance(node, _MEASURED) else tree.Read(None, "elapsed")
         state = None
         if self._tokens.skip("in"):
@@ -358,6 +362,10 @@ class _Parser:
 
 
 _MEASURED = (tree.Read, tree.Distance, tree.Separation)
+
+
+def _wraps(node: object) -> bool:
+    return isinstance(node, tree.Read) and OBSERVABLES[node.name].wraps
 
 
 def _subject(node: object) -> str | None:

@@ -1,5 +1,5 @@
-"""Publishes events that only a simulator can detect: collisions, hard landings, and payloads that
-come to rest after their release.
+"""Publishes events that only a simulator can detect: collisions, hard landings, flights outside the
+fence, and payloads that come to rest after their release.
 
 Listeners such as a recording receive these events; vehicles, flows and callbacks don't.
 """
@@ -9,16 +9,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence, Set
 from functools import partial
 
-from kybflow.core.geometry import Vec3, distance
+from kybflow.core.geometry import Vec3, distance, norm
 from kybflow.core.signals import PayloadState
 from kybflow.parts import Link
-from kybflow.parts.events import Collided, LandedHard, PayloadRested
+from kybflow.parts.events import Collided, FenceLeft, LandedHard, PayloadRested
 from kybflow.parts.link import ReportsTouches, Touch
 from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.vehicle import Vehicle
+from kybflow.world.shapes import Box
 
 HARD_TOUCH_DOWN = 1.5
-"""The sink rate (m/s) above which a touch-down is too hard."""
+"""The speed (m/s) above which a touch-down is too hard."""
+BEYOND_FENCE = 0.1
+"""Distance (m) from the fence up to which an estimate may still be inside."""
 _REST_DISTANCE = 0.001
 """Largest distance (m) that a payload at rest moves between two steps."""
 _REST_STEPS = 10
@@ -57,10 +60,33 @@ class Impacts:
             self._events.emit(Collided(into=into), name)
             return
         truth = vehicle.truth
-        speed = 0.0 if truth is None else -truth.velocity[2]
+        speed = 0.0 if truth is None else norm(truth.velocity)
         if speed > HARD_TOUCH_DOWN:
             self.first = self.first or f"`{name}` landed hard ({speed:.2f} m/s) on `{into}`"
             self._events.emit(LandedHard(onto=into, speed=speed), name)
+
+
+class Excursions:
+    """Publishes that a vehicle flies outside the fence (`fence_left`), once per vehicle, which
+    fails the run. The engine calls `step` twenty times a second. first: a description of the first
+    one, or None."""
+
+    def __init__(self, vehicles: Sequence[Vehicle], fence: Box | None, events: Events) -> None:
+        self.first: str | None = None
+        self._inside = [] if fence is None else list(vehicles)
+        self._fence, self._events = fence, events
+
+    def step(self) -> None:
+        for vehicle in tuple(self._inside):
+            truth = vehicle.truth
+            if truth is None or self._fence is None or not vehicle.airborne:
+                continue
+            sides = zip(truth.position, *self._fence, strict=True)
+            beyond = max(max(low - at, at - high) for at, low, high in sides)
+            if beyond > BEYOND_FENCE:
+                self._inside.remove(vehicle)
+                self.first = self.first or f"`{vehicle.name}` flew outside the fence"
+                self._events.emit(FenceLeft(beyond=beyond), vehicle.name)
 
 
 class PayloadDrops:

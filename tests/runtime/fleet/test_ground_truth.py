@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import pytest
 
-from kybflow.core.geometry import LEVEL, ZERO
+from kybflow.core.geometry import LEVEL, ZERO, Vec3
 from kybflow.core.signals import Truth
 from kybflow.parts.link import Touch
 from kybflow.runtime.events import Events
-from kybflow.runtime.fleet.ground_truth import Impacts
+from kybflow.runtime.fleet.ground_truth import Excursions, Impacts
+from kybflow.world.shapes import Box
 
 FLOOR, WALL = Touch("the floor", carries=True), Touch("wall", carries=False)
 
@@ -20,10 +21,13 @@ class FakeVehicle:
     sinks: float
     may_touch_down: bool
     name: str = "a"
+    slides: float = 0.0
+    position: Vec3 = ZERO
+    airborne: bool = True
 
     @property
     def truth(self):
-        return Truth(ZERO, (0.0, 0.0, -self.sinks), LEVEL, ZERO, None)
+        return Truth(self.position, (self.slides, 0.0, -self.sinks), LEVEL, ZERO, None)
 
 
 class FakeLink:
@@ -48,6 +52,35 @@ def test_a_landing_may_be_too_hard():
     events, reason = told(FLOOR, 1.6, lands=True)
     assert events == [("landed_hard", {"onto": "the floor", "speed": 1.6})]
     assert reason == "`a` landed hard (1.60 m/s) on `the floor`"
+
+
+def test_a_landing_that_slides_is_as_hard():
+    heard, link = [], FakeLink()
+    vehicle = FakeVehicle(0.1, True, slides=2.0)
+    impacts = Impacts([vehicle], {"a": link}, Events((heard.append,)))
+    link.tell(FLOOR)
+    assert impacts.first == "`a` landed hard (2.00 m/s) on `the floor`"
+
+
+@pytest.mark.parametrize(
+    ("position", "airborne", "expected"),
+    [
+        ((0.0, 0.0, 1.0), True, []),
+        ((0.0, 2.05, 1.0), True, []),  # as far as an estimate may err
+        ((0.0, 2.5, 1.0), True, [("fence_left", {"beyond": 0.5})]),
+        ((0.0, 0.0, 3.5), True, [("fence_left", {"beyond": 1.0})]),
+        ((0.0, 2.5, 0.0), False, []),
+    ],
+)
+def test_a_flight_outside_the_fence_is_seen_once(position, airborne, expected):
+    heard = []
+    vehicle = FakeVehicle(0.0, True, position=position, airborne=airborne)
+    fence = Box((-2.0, -2.0, 0.0), (2.0, 2.0, 2.5))
+    excursions = Excursions([vehicle], fence, Events((heard.append,)))
+    for _ in range(2):
+        excursions.step()
+    assert [(event.name, event.fields) for event in heard] == expected
+    assert (excursions.first is not None) == bool(expected)
 
 
 @pytest.mark.parametrize("sinks", [0.0, 1.6])
