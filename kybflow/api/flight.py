@@ -26,13 +26,20 @@ from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Event, Time
 from kybflow.dsl import expressions as ex
 from kybflow.dsl.plan import ExpectationPlan, Plan
-from kybflow.parts.events import CommandsFailed, RecordingStopped, RehearsalSkipped, RunEnded
+from kybflow.parts.events import (
+    CommandGiven,
+    CommandsFailed,
+    RecordingStopped,
+    RehearsalSkipped,
+    RunEnded,
+)
 from kybflow.recording.outcome import EXIT_CODES, Ending, summarise
 from kybflow.recording.pictures import Pictures
 from kybflow.recording.recorder import Recorder
 from kybflow.recording.run_folder import create_run_folder
 from kybflow.runtime.commanding.command_queue import CommandQueue, RecordedCommand
 from kybflow.runtime.commanding.legal import check_emitted
+from kybflow.runtime.commanding.orders import SCHEDULE
 from kybflow.runtime.engine import Engine, Observer
 from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Verdict
@@ -215,6 +222,10 @@ def inspect(plan: Plan, seed: int = 0) -> Inspected:
         devices.close()
 
 
+_UNHEARD_S = 5.0
+"""The age of a vehicle's last measurement (s) after which nobody knows where it is."""
+
+
 def is_in_air(vehicle: Vehicle, vehicles: Iterable[Vehicle]) -> bool:
     """Return whether a vehicle is off the ground by its own state or, if it believes itself on the
     ground, in the air by a simulator's truth. vehicles: all vehicles, because it may lie on another
@@ -270,6 +281,13 @@ class _Run:
         self._reason: str | None = None
         self._driver_failed: str | None = None
         self._verdicts: tuple[Verdict, ...] = ()
+        self._accepted: list[Event] = []
+        events.listeners.append(self._note_command)
+
+    def _note_command(self, event: Event) -> None:
+        fields = event.fields
+        if event.name == CommandGiven.name and fields["accepted"] and fields["by"] != SCHEDULE:
+            self._accepted.append(event)
 
     def fly(self, observers: Sequence[Observer]) -> None:
         """Open the drivers, fly to the end, close the drivers and judge the expectations."""
@@ -326,6 +344,11 @@ class _Run:
             driver=self._driver_failed,
             recording=recording,
             in_air=[vehicle.name for vehicle in vehicles if is_in_air(vehicle, vehicles)],
+            unheard=[
+                vehicle.name
+                for vehicle in vehicles
+                if vehicle.truth is None and vehicle.link_age > _UNHEARD_S
+            ],
             expected_faults=expected_faults(self._plan.expectations),
         )
         return summarise(
@@ -338,6 +361,8 @@ class _Run:
             wall_time_s=wall_time_s,
             missed_ticks=engine.clock.missed if engine else 0,
             flows=engine.flows.record() if engine else {},
+            never_injected=engine.injection.never_injected if engine else self._plan.faults,
+            commands=self._accepted,
         )
 
 

@@ -97,6 +97,8 @@ def fly_case(case: FlightCase) -> FlightResult:
     try:
         flown = fly(result.plan, request, (traces.on_event,))
         verdict: Verdict = flown.summary["outcome"]
+        missed = flown.summary["never_injected"] if verdict == "succeeded" else []
+        verdict = "failed" if missed else verdict
         folder = None
         if case.keep or verdict in ("failed", "driver_failed"):
             write_report(flown.folder)
@@ -107,8 +109,8 @@ def fly_case(case: FlightCase) -> FlightResult:
         return FlightResult(case, "driver_failed", (str(error),))
     except KybflowError as error:
         return FlightResult(case, "invalid", (str(error),))
-    reasons = []
-    if verdict != "succeeded":
+    reasons = [f"{one['at']}: the fault `{one['fault']}` never happened" for one in missed]
+    if flown.summary["outcome"] != "succeeded":
         broken = [e for e in flown.summary["expectations"] if not e["held"]]
         reasons = [headline(str(flown.summary["reason"]))]
         reasons += [f"{e['at']}: `{e['text']}` did not hold" for e in broken]

@@ -6,10 +6,10 @@ times in seconds. Numbers have six significant digits. Null means "unknown" or "
 - `outcome`: succeeded, failed, interrupted or driver_failed; `reason`: why it did not succeed.
 - `world`: the environment in which the figures hold, such as `a lab`, `still air` or `real`.
 - `missed_ticks`: the ticks that were left out because the computer was late.
-- `vehicles.NAME.final`: ground or air, in simulation by the truth. The vehicle's errors are between
-  the behavior's setpoint, before processors, and the true position (on hardware, the estimate).
-  They cover the intervals `airborne_s` in the air; if the run ended in the air, the last of these
-  ends with null.
+- `vehicles.NAME.final`: ground or air, in simulation by the truth; unknown if nothing was heard of
+  the vehicle at the end. Its errors are between the behavior's setpoint, before processors, and
+  the true position (on hardware, the estimate). They cover the intervals `airborne_s` in the air;
+  if the run ended in the air, the last of these ends with null.
 - `vehicles.NAME.behaviors`: one entry for each time a state was entered; `ended` is done, next,
   failed, within, refused, asked, failsafe or run_ended.
 - `vehicles.NAME.estimators`: when the use of each estimator began; an empty name means that none
@@ -19,18 +19,21 @@ times in seconds. Numbers have six significant digits. Null means "unknown" or "
   (its vehicles have left the requested states), asked, operator or run_ended.
 - `expectations`: each line of `expect:`; `margin`, in the value's `unit`, is positive if it held;
   `unknown_s`: the time in flight for which its value was unknown, so that it says nothing.
+- `never_injected`: the faults whose time or condition never came.
+- `commands`: the commands of people that were accepted.
 - `recording`: null if complete, otherwise why the recording stopped.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from kybflow.core.errors import DRIVER_FAILED, FAILED, INTERRUPTED
-from kybflow.dsl.plan import Plan
+from kybflow.core.signals import NS, Event
+from kybflow.dsl.plan import FaultPlan, Plan
 from kybflow.dsl.resolving.library_files import without_homes
 from kybflow.runtime.scores import Score, rounded
 
@@ -53,7 +56,8 @@ class Ending:
 
     reason: why the mission did not reach its end, None if it did. interrupted: whether a person
     interrupted the run. driver: the error of a driver or device. recording: why the recording
-    stopped early. in_air: the vehicles still in the air. expected_faults: the vehicles that the
+    stopped early. in_air: the vehicles still in the air. unheard: those of which nothing was heard
+    at the end, so that nobody knows where they are. expected_faults: the vehicles that the
     mission expects to end in `fault`.
     """
 
@@ -62,6 +66,7 @@ class Ending:
     driver: str | None = None
     recording: str | None = None
     in_air: Collection[str] = ()
+    unheard: Collection[str] = ()
     expected_faults: Collection[str] = ()
 
 
@@ -69,9 +74,10 @@ def decide(score: Score, verdicts: Sequence[Verdict], ending: Ending) -> tuple[O
     """Return the most serious outcome that applies, and its reason; None as the reason of a
     success."""
     if ending.driver is not None:
-        return "driver_failed", ending.driver
+        return "driver_failed", "; ".join(filter(None, (ending.driver, ending.recording)))
     if ending.interrupted:
-        return "interrupted", ending.reason or "interrupted"
+        why = (ending.reason or "interrupted", ending.recording)
+        return "interrupted", "; ".join(filter(None, why))
     vehicles, expected = score.vehicles.values(), ending.expected_faults
     found = [ending.reason] if ending.reason else []
     found += [f"{v.name}: {failure}" for v in vehicles for failure in v.failures]
@@ -81,6 +87,8 @@ def decide(score: Score, verdicts: Sequence[Verdict], ending: Ending) -> tuple[O
         found.append(f"{' and '.join(faults)} ended in `fault`")
     if ending.in_air:
         found.append(f"{' and '.join(ending.in_air)} ended in the air")
+    if ending.unheard:
+        found.append(f"{' and '.join(ending.unheard)} was not heard at the end")
     if broken := [verdict.text for verdict in verdicts if not verdict.held]:
         count = f"{len(broken)} of {len(verdicts)} expectations did not hold"
         found.append(f"{count}: {'; '.join(broken)}")
@@ -99,6 +107,8 @@ def summarise(
     wall_time_s: float,
     missed_ticks: int = 0,
     flows: Mapping[str, Any] | None = None,
+    never_injected: Iterable[FaultPlan] = (),
+    commands: Iterable[Event] = (),
 ) -> dict[str, Any]:
     """Return the content of `summary.json`."""
     outcome, reason = decide(score, verdicts, ending)
@@ -117,7 +127,8 @@ def summarise(
         "real_time_factor": rounded(sim_time_s / wall_time_s) if wall_time_s > 0.0 else None,
         "missed_ticks": missed_ticks,
         "vehicles": {
-            name: vehicle.record(name in ending.in_air) for name, vehicle in score.vehicles.items()
+            name: {"final": _final(name, ending), **vehicle.record()}
+            for name, vehicle in score.vehicles.items()
         },
         "flows": dict(flows or {}),
         "expectations": [
@@ -132,8 +143,26 @@ def summarise(
             }
             for verdict in verdicts
         ],
+        "never_injected": [
+            {"fault": plan.part.name, "vehicle": plan.vehicle, "at": without_homes(plan.at)}
+            for plan in never_injected
+        ],
+        "commands": [
+            {
+                "t_s": rounded(event.time / NS),
+                "command": event.fields["command"],
+                "by": event.fields["by"],
+            }
+            for event in commands
+        ],
         "recording": ending.recording,
     }
+
+
+def _final(name: str, ending: Ending) -> str:
+    if name in ending.unheard:
+        return "unknown"
+    return "air" if name in ending.in_air else "ground"
 
 
 def _number(value: float | None) -> float | None:

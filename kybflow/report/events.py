@@ -62,6 +62,9 @@ def _value(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
+_FINAL = {"ground": "on the ground", "air": "in the air", "unknown": "not heard at the end"}
+
+
 def ending(run: Run, name: str) -> str:
     """Describe how a vehicle's run ended: in the air or on the ground, any fault, and what it
     hit."""
@@ -69,7 +72,7 @@ def ending(run: Run, name: str) -> str:
     visits = vehicle["behaviors"]
     last = visits[-1] if visits else None
     own = [event for event in run.events if event["vehicle"] == name]
-    parts = ["on the ground" if vehicle["final"] == "ground" else "in the air"]
+    parts = [_FINAL[vehicle["final"]]]
     if last is not None and last["name"] == "fault":
         # the reason of the last failsafe that ended the flight, or else of the last failure
         before = [event for event in own if event["t_s"] <= last["start_s"]]

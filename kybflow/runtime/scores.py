@@ -132,10 +132,9 @@ class VehicleScore:
         if self.min_battery is None or remaining < self.min_battery:
             self.min_battery = remaining
 
-    def record(self, is_in_air: bool) -> dict[str, Any]:
-        """Return the vehicle's entry in `summary.json`."""
+    def record(self) -> dict[str, Any]:
+        """Return the vehicle's figures in `summary.json`."""
         return {
-            "final": "air" if is_in_air else "ground",
             "airborne_s": [
                 [rounded(start), None if end is None else rounded(end)]
                 for start, end in self.flights

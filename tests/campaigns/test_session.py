@@ -58,6 +58,19 @@ def case(folder: Path, name: str, seed: int = 0) -> FlightCase:
     return FlightCase(folder / f"{name}.yaml", seed, folder / "runs" / f"{name}-{seed}")
 
 
+LATE = """faults:
+  - {at: 100 s, on: nano, inject: link_cut}
+"""
+
+
+def test_a_mission_whose_fault_never_happens_does_not_pass(tmp_path: Path) -> None:
+    (tmp_path / "late.yaml").write_text(GOOD + LATE)
+    result = fly_case(case(tmp_path, "late"))
+    assert (result.verdict, result.passed) == ("failed", False)
+    [reason] = result.reason
+    assert reason.endswith("late.yaml:14: the fault `link_cut` never happened")
+
+
 def ran(*arguments: object):
     return invoke("test", *arguments)
 

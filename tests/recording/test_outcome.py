@@ -102,6 +102,8 @@ def test_the_summary_has_the_documented_shape():
                 "unknown_s": 0.0,
             }
         ],
+        "never_injected": [],
+        "commands": [],
         "recording": None,
     }
 
@@ -109,6 +111,12 @@ def test_the_summary_has_the_documented_shape():
 @pytest.mark.parametrize(
     ("verdicts", "ending", "expected"),
     [
+        ([HELD], Ending(unheard=["mk"]), ("failed", "mk was not heard at the end")),
+        (
+            [HELD],
+            Ending("interrupted", interrupted=True, recording="the disk is full"),
+            ("interrupted", "interrupted; the disk is full"),
+        ),
         ([HELD], Ending(), ("succeeded", None)),
         ([HELD, BROKEN], Ending(), ("failed", f"1 of 2 {UNMET}")),
         ([HELD], Ending("not finished in time"), ("failed", "not finished in time")),
@@ -125,6 +133,12 @@ def test_the_summary_has_the_documented_shape():
 )
 def test_the_gravest_decides(verdicts, ending, expected):
     assert decide(flown_score(), verdicts, ending) == expected
+
+
+def test_nobody_knows_where_a_vehicle_is_that_is_not_heard():
+    figures = {"seed": 0, "sim_time_s": 1.0, "wall_time_s": 1.0}
+    summary = summarise(make_plan("mk"), flown_score(), [], Ending(unheard=["mk"]), **figures)
+    assert summary["vehicles"]["mk"]["final"] == "unknown"
 
 
 def test_a_vehicle_that_rests_in_fault_fails_the_mission():

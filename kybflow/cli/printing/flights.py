@@ -58,6 +58,10 @@ def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
         unknown = expectation["unknown_s"]
         gap = f"; unknown for {unknown:.1f} s of the flight" if unknown > _NOTABLE_S else ""
         yield f"{mark}  {expectation['text']}{measured}{gap}"
+    for fault in summary["never_injected"]:
+        yield f"the fault `{fault['fault']}` never happened  [{fault['at']}]"
+    for given in summary["commands"]:
+        yield f"`{given['command']}` was commanded at {given['t_s']:g} s by {given['by']}"
     for seconds, name in flown.never_given:
         yield f"`{name}` at {seconds:g} s was never given: the run ended before"
     reason = f": {headline(summary['reason'])}" if summary["reason"] else ""

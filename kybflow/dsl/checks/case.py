@@ -90,6 +90,15 @@ class Case:
         return any(leg.start is flight for leg in self.legs(vehicle, state))
 
 
+def taken_names(plan: Plan, *more: tuple[Iterable[str], str]) -> dict[str, str]:
+    """Return the names of vehicles and groups, and those of `more`, each with what already has
+    it."""
+    kinds: tuple[tuple[Iterable[str], str], ...] = (
+        (plan.fleet, "a vehicle"), (plan.groups, "a group"), *more,
+    )  # fmt: skip
+    return {name: f"already the name of {kind}" for names, kind in kinds for name in names}
+
+
 def transitions_of(plan: Plan) -> Iterator[TransitionPlan]:
     """Yield every transition of every behavior and phase."""
     states = (state for vehicle in plan.vehicles for state in vehicle.states.values())

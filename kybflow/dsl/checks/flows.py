@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Literal, NamedTuple, get_args
 
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.checks.case import WORDS, Case, wrong_goal
+from kybflow.dsl.checks.case import WORDS, Case, taken_names, wrong_goal
 from kybflow.dsl.checks.events import given_by_a_person
 from kybflow.dsl.diagnostics import Diagnostic, Severity, Text
 from kybflow.dsl.expressions import parse
@@ -23,9 +23,7 @@ def flow_names(case: Case) -> Iterator[Diagnostic]:
     plan = case.plan
     for flow in plan.flows:
         name = flow.name
-        taken = dict.fromkeys(plan.fleet, "already the name of a vehicle")
-        taken |= dict.fromkeys(plan.groups, "already the name of a group")
-        taken |= dict.fromkeys(WORDS, "a reserved word")
+        taken = taken_names(plan) | dict.fromkeys(WORDS, "a reserved word")
         if name in taken:
             message, hint = f"a flow can't be called `{name}`", "give it another name"
             yield Diagnostic("KYB191", message, flow.span, label=taken[name], help=hint)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from kybflow.core.params import named_in
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION
-from kybflow.dsl.checks.case import WORDS, Case, transitions_of
+from kybflow.dsl.checks.case import WORDS, Case, taken_names, transitions_of
 from kybflow.dsl.checks.conditions import conditions_of, nodes
 from kybflow.dsl.diagnostics import Diagnostic, Severity, Text
 from kybflow.dsl.expressions import Axis
@@ -125,9 +125,7 @@ def input_names(case: Case) -> Iterator[Diagnostic]:
     """KYB406: an input has the name of a vehicle, a group, a flow or a reserved word, so
     `NAME.x` would be ambiguous."""
     plan = case.plan
-    taken = dict.fromkeys(plan.fleet, "already the name of a vehicle")
-    taken |= dict.fromkeys(plan.groups, "already the name of a group")
-    taken |= dict.fromkeys(plan.flows_by_name, "already the name of a flow")
+    taken = taken_names(plan, (plan.flows_by_name, "a flow"))
     taken |= dict.fromkeys(WORDS, "a reserved word")
     for use in plan.inputs:
         if use.name in taken:

@@ -1,5 +1,5 @@
 """Obstacles, and where vehicles start, fly, land and have their homes: KYB340 to KYB343, KYB345,
-KYB453, KYB546 and KYB558."""
+KYB453, KYB546, KYB558 and KYB559."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.actions import actions_of, sets_of
-from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.case import Case, taken_names
 from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, the_fence, values_of
 from kybflow.dsl.diagnostics import Diagnostic, Related, Severity
 from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
@@ -47,6 +47,17 @@ def starts_inside(case: Case) -> Iterator[Diagnostic]:
                 help="move the start further away",
             )
             break
+
+
+def named_like_a_vehicle(case: Case) -> Iterator[Diagnostic]:
+    """KYB559: an obstacle has the name of a vehicle or a group, so that a collision with it could
+    not be told from one with the vehicle."""
+    taken = taken_names(case.plan)
+    for obstacle in case.plan.world.obstacles:
+        if obstacle.name in taken:
+            message = f"an obstacle can't be called `{obstacle.name}`"
+            hint = "give it another name"
+            yield Diagnostic("KYB559", message, obstacle.span, taken[obstacle.name], help=hint)
 
 
 def starts_in_the_air(case: Case) -> Iterator[Diagnostic]:

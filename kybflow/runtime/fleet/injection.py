@@ -44,6 +44,11 @@ class Injection:
         ]
         self._working: list[_Working] = []
 
+    @property
+    def never_injected(self) -> list[FaultPlan]:
+        """The faults whose time or condition has not come."""
+        return [waiting.plan for waiting in self._waiting]
+
     def step(self, now: Time) -> None:
         """End the faults that are over or have failed, then inject those that are due."""
         if self._working:

@@ -173,6 +173,8 @@ def test_vehicles_are_commanded_one_by_one_and_the_others_go_on(run):
     assert operators(told) == ["pause", "reset", "stop"]
     assert found[3] == ("reset", False, "a: it is in the air; b: it is in the air")
     assert flown.exit_code == 0, flown.summary["reason"]
+    commanded = [one["command"] for one in flown.summary["commands"]]
+    assert commanded == [*(words for words, accepted, _ in found if accepted), "stop"]
 
 
 def test_an_event_that_comes_too_early_is_told_with_a_word_of_warning(run):
