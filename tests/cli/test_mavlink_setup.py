@@ -105,6 +105,23 @@ def right(name: str, simulator: bool = False) -> dict[str, float]:
     return {name: value if value % 1 else int(value) for name, value in values.items()}
 
 
+class Listener(Peer):
+    """Notes which systems send heartbeats."""
+
+    senders: set[int] = set()  # noqa: RUF012
+
+    def step(self, now: Time, heard: list) -> list[bytes]:
+        self.senders |= {m.get_srcSystem() for m in heard if m.get_type() == "HEARTBEAT"}
+        return super().step(now, heard)
+
+
+def test_an_autopilot_does_not_take_the_search_for_the_run_that_it_waits_for() -> None:
+    peer = Listener(7, ARDUPILOT, **right("ardupilot"))
+    assert Table(peer).set_up("ardupilot")
+    assert peer.senders
+    assert OURS not in peer.senders
+
+
 @pytest.mark.parametrize(("name", "autopilot"), [("px4", PX4), ("ardupilot", ARDUPILOT)])
 def test_where_all_is_right_nothing_is_written(name: str, autopilot: int, capsys) -> None:
     peer = Peer(7, autopilot, **right(name))

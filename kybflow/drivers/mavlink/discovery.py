@@ -2,7 +2,9 @@
 `kybflow mavlink setup`.
 
 An autopilot may be silent until it receives a message, and PX4 sends texts only to ground stations;
-therefore a ground station's heartbeat is sent once a second.
+therefore a ground station's heartbeat is sent once a second. It has another system id than a run:
+an ArduPilot whose `SYSID_MYGCS` is the run's would otherwise take it for the run's heartbeat, and
+would not land a vehicle whose run has ended.
 """
 
 from __future__ import annotations
@@ -23,6 +25,8 @@ FIRST_TIMEOUT_NS: Time = 6 * NS
 """The longest wait for the first message: some autopilots need two of our heartbeats."""
 FURTHER_TIMEOUT_NS: Time = 3 * NS // 2
 """How much longer to wait for further autopilots."""
+ASKING_SYSTEMS = (246, 247, 248)
+"""Our system ids for discovery; the first that nobody else has is used."""
 HEARTBEAT_TIMEOUT_NS: Time = 5 * NS
 """An autopilot that has sent no heartbeat for this long counts as gone."""
 
@@ -33,7 +37,7 @@ class Discovery:
     statuses: what each autopilot reported, by system id.
     parameters: the parameters of each autopilot, by system id.
     system: the system id to find, None for any.
-    own_system, key: as in a mission."""
+    own_system, key: as in a mission, whose run may fly at the same time."""
 
     def __init__(
         self, wire: Wire, system: int | None, own_system: int, key: bytes | None = None
@@ -41,10 +45,11 @@ class Discovery:
         self.statuses: dict[int, ReceivedStatus] = {}
         self.parameters: dict[int, AutopilotParameters] = {}
         self.now: Time = 0
-        self._wire, self._system, self._own = wire, system, own_system
+        self._wire, self._system = wire, system
+        self._own = next(one for one in ASKING_SYSTEMS if one not in (system, own_system))
         signing = None if key is None else Signing(key)
-        self._router = Router({wire.address: wire}, own_system, signing)
-        first = system or (1 if own_system != 1 else 2)
+        self._router = Router({wire.address: wire}, self._own, signing)
+        first = system or 1
         self._asked = self._router.port(wire.address, first)
         self._ports: dict[int, Port] = {first: self._asked}
         self._beat: Time | None = None

@@ -57,6 +57,14 @@ def test_a_target_that_we_sent_is_nobody_elses(others: OtherCommanders) -> None:
     assert others.take() == []
 
 
+def test_a_program_with_our_own_system_id_is_told(others: OtherCommanders) -> None:
+    for second in range(3):
+        others.overheard(heartbeat(245), second * NS)
+    assert others.take() == [
+        "another program has our system id 245 too: give one of them another `own_system`"
+    ]
+
+
 def test_two_foreign_targets_in_three_seconds_are_told_once_and_by_whom(
     others: OtherCommanders,
 ) -> None:

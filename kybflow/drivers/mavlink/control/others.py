@@ -13,7 +13,8 @@ does:
   it while it detects ground contact;
 - acknowledgements of commands from others (PX4 broadcasts them);
 - safety parameters, which are read again in flight: none of them changes by itself;
-- commands on a shared wire.
+- commands on a shared wire, and messages with our own system id, of which the autopilot could take
+  the heartbeats for ours when we no longer send any.
 
 Each finding is reported at most once in ten seconds.
 """
@@ -136,7 +137,13 @@ class OtherCommanders:
     def overheard(self, message: Message, now: Time) -> None:
         """Check a message from another system on the same wire."""
         sender, kind = message.get_srcSystem(), message.get_type()
-        if kind == "HEARTBEAT":
+        if sender == self._own:
+            self._report(
+                f"another program has our system id {sender} too: give one of them another"
+                " `own_system`",
+                now,
+            )
+        elif kind == "HEARTBEAT":
             if message.type == mavlink.MAV_TYPE_GCS:
                 self.stations.add(sender)
         elif kind in STEERING and getattr(message, "target_system", 0) == self._system:

@@ -169,7 +169,7 @@ class Router:
     ) -> None:
         self._system, self._signing = system, signing
         self._lines = {
-            address: _Line(wire, link, system, signing)
+            address: _Line(wire, link, signing)
             for link, (address, wire) in enumerate(wires.items())
         }
 
@@ -202,8 +202,8 @@ class Router:
 class _Line:
     """A wire with its ports. `is_shared`: whether another program uses it too."""
 
-    def __init__(self, wire: Wire, link: int, own: int, signing: Signing | None) -> None:
-        self.wire, self.link, self._own = wire, link % 256, own
+    def __init__(self, wire: Wire, link: int, signing: Signing | None) -> None:
+        self.wire, self.link = wire, link % 256
         self.ports: dict[int, Port] = {}
         self.counts = Counts()
         self.autopilots: set[int] = set()
@@ -227,7 +227,7 @@ class _Line:
                 if message.get_srcComponent() != AUTOPILOT:
                     if message.get_type() == "HEARTBEAT" and message.type in LISTENERS:
                         self.is_shared = True
-                    if system != self._own and system not in self.ports:
+                    if system not in self.ports:
                         for other in self.ports.values():
                             other.overheard.append(message)
                     continue
