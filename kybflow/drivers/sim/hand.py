@@ -1,9 +1,9 @@
 """A hand that moves a simulated vehicle, as a person does: roughly as asked, and never quite still.
 
 A movement follows a minimum-jerk profile (Flash and Hogan, J. Neuroscience 1985), 10 s^3 - 15 s^4 +
-6 s^5, with s from 0 to 1. Its direction is off by up to 30 degrees, a rotation's axis by up to 25
-degrees. Sway (below 1 Hz) and tremor (7 to 10 Hz) are added. The hand then pushes and turns the
-body like a critically damped spring, at the rate at which disturbances change.
+6 s^5, with s from 0 to 1. The direction of a displacement and the axis of a rotation are off
+by up to 30 degrees. Sway (below 1 Hz) and tremor (7 to 10 Hz) are added. The hand then pushes and
+turns the body like a critically damped spring, at the rate at which disturbances change.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from kybflow.core.signals import Truth
 from kybflow.core.units import DEG
 from kybflow.drivers.sim.steps.onboard import Numbers
 
-MOST_ASTRAY, MOST_ASKEW, MOST_YAW = 30.0 * DEG, 25.0 * DEG, 10.0 * DEG
+MOST_ASTRAY, MOST_YAW = 30.0 * DEG, 10.0 * DEG
 """Largest angles of a displacement and of a rotation's axis from what was asked for, and of a turn
 about the vertical beside it, rad."""
 SWAY, SWAY_TURN = 0.003, 1.0 * DEG
@@ -85,7 +85,7 @@ class SimulatedHand:
             astray = draw(0.0, MOST_ASTRAY)
             straight, off = scale(way, cos(astray)), scale(aside, norm(way) / norm(aside))
             way = scale(add(straight, scale(off, sin(astray))), draw(0.8, 1.25))
-        askew = from_heading(draw(-MOST_ASKEW, MOST_ASKEW))
+        askew = from_heading(draw(-MOST_ASTRAY, MOST_ASTRAY))
         turn = scale(rotate(askew, turn), draw(0.85, 1.2))
         turn = add(turn, (0.0, 0.0, draw(-MOST_YAW, MOST_YAW)))
         self._move = _Move(way, turn, begins, draw(0.9, 1.6))

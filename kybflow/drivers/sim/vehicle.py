@@ -187,7 +187,8 @@ class SimulatedVehicle(Link):
 
     def push(self, elapsed: float, thrust: float) -> Numbers:
         """Return the force (N, world frame) and the torque (N m, body frame) of eddies, ground
-        effect, faults and a hand, `elapsed` seconds after the last call. thrust: of all rotors, N."""
+        effect, faults and a hand, `elapsed` seconds after the last call. thrust: of all rotors,
+        N."""
         eddies, ground, force = self._lab.eddies, self._lab.ground, self._push
         x, y, z, *turned = NOTHING if eddies is None else eddies.after(elapsed)
         if ground is not None:

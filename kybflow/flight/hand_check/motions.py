@@ -16,6 +16,8 @@ a parabola is fitted away, as from x(t), and the movement by the IMU is the regr
 
     felt = sum(x s) / sum(s s)
 
+The vertical of the poses is the axis along which the lift was seen.
+
 A constant error of the accelerometer and of the velocity at the start thus have no effect.
 
 World frame and body frame as in `kybflow.core.geometry`; metres, seconds, radians.
@@ -24,7 +26,7 @@ World frame and body frame as in `kybflow.core.geometry`; metres, seconds, radia
 from __future__ import annotations
 
 from enum import StrEnum
-from math import atan2
+from math import acos, atan2
 from typing import Any, NamedTuple
 
 import numpy
@@ -69,6 +71,8 @@ the largest difference of its specific force at rest from gravity, m/s^2."""
 REST_WAY, REST_TURN, REST_FORCE = 0.005, 0.05, 0.3
 """Largest changes between the halves of the time at rest: of the position, m, unless its noise is a
 tenth of that; of the rate, rad/s; and of the specific force, m/s^2."""
+IMU_TIMEOUT_S = 5.0
+"""Seconds at rest in which a usable IMU must be heard; an autopilot may have to be asked for it."""
 SETTLING_TIME_S, FOLLOWING_TIME_S = 0.2, 4.0
 """Time constants T at rest and in the hand, s."""
 CHECK_PERIOD_NS: Time = NS // 10
@@ -106,6 +110,13 @@ class HandMotion(NamedTuple):
     felt_turn: Vec3 | None
 
 
+def nearest_axis(way: Vec3) -> tuple[int, float, float]:
+    """Return the axis that is nearest to a displacement, its sign, and the angle to it, rad."""
+    axis = max(range(3), key=lambda i: abs(way[i]))
+    n = norm(way) or 1.0
+    return axis, 1.0 if way[axis] >= 0.0 else -1.0, acos(min(1.0, abs(way[axis]) / n))
+
+
 class HandWatch:
     """Watches one vehicle in the hand.
 
@@ -122,6 +133,8 @@ class HandWatch:
         self._attitude: Quat = LEVEL
         self._velocity = self._moved = self._bias = ZERO
         self._gravity, self._following = GRAVITY, SETTLING_TIME_S
+        self._up = UP
+        self._began: float | None = None
         self._due: Time = 0
         self._base: Array = numpy.zeros(8)
         self._top: Vec3 | None = None
@@ -151,14 +164,13 @@ class HandWatch:
         way = scale(add(before, self._velocity), 0.5 * imu.dt)
         self._moved = add(self._moved, way)
         heading = heading_of(self._attitude)
-        self._imus.append(
-            (imu.time / NS, *self._moved, *force, heading, *imu.angular_velocity)
-        )
+        self._imus.append((imu.time / NS, *self._moved, *force, heading, *imu.angular_velocity))
 
     def add_pose(self, pose: Pose) -> bool:
         """Add a pose; return whether it ends a step."""
-        top, heading = rotate_back(pose.attitude, UP), heading_of(pose.attitude)
+        top, heading = rotate_back(pose.attitude, self._up), heading_of(pose.attitude)
         self._poses.append((pose.time / NS, *pose.position, *top, heading))
+        self._began = pose.time / NS if self._began is None else self._began
         if pose.time < self._due or not self._steps:
             return False
         self._due = pose.time + CHECK_PERIOD_NS
@@ -186,6 +198,8 @@ class HandWatch:
         if _change(poses[:, _AT]) > max(REST_WAY, 10.0 * noise):
             return False
         self.imu_trouble = _trouble(imus)
+        if self.imu_trouble and poses[-1, _TIME] - (self._began or 0.0) < IMU_TIMEOUT_S:
+            return False
         if imus is not None and self.imu_trouble is None:
             if _change(imus[:, _FORCE]) > REST_FORCE or _change(imus[:, _RATE]) > REST_TURN:
                 return False
@@ -223,6 +237,10 @@ class HandWatch:
             if felt is None and self.imu_trouble is None:
                 return False
         seen = _vector((end - self._base)[_AT])
+        if step is HandStep.LIFT:
+            axis, sign, _ = nearest_axis(seen)
+            x, y, z = (sign if i == axis else 0.0 for i in range(3))
+            self._up = (x, y, z)
         heading = float(self._base[_HEADING])
         self.motions.append(
             HandMotion(step, seen, felt, heading, felt_heading, seen_turn, felt_turn)

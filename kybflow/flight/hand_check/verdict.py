@@ -13,13 +13,13 @@ Without an IMU, lengths are compared with what was asked for, and the nose with 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import acos, atan2, cos, degrees, pi, sin
+from math import atan2, cos, degrees, pi, sin
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, norm, wrap
 from kybflow.core.units import DEG
 from kybflow.flight.frame_check import axes_words
-from kybflow.flight.hand_check.motions import HandMotion, HandStep
+from kybflow.flight.hand_check.motions import HandMotion, HandStep, nearest_axis
 
 MIN_SCALE, MAX_SCALE = 0.7, 1.4
 """Bounds of the poses' scale by the IMU."""
@@ -33,11 +33,17 @@ LEAST_CORNER, MOST_CORNER = 20.0 * DEG, 160.0 * DEG
 """Bounds of the angle, to the left, from the carry along x to that along y by the IMU, rad."""
 
 _AXES = {HandStep.LIFT: 2, HandStep.ALONG_X: 0, HandStep.ALONG_Y: 1}
+_ASKED = {HandStep.LIFT: "up", HandStep.ALONG_X: "along +x", HandStep.ALONG_Y: "along +y"}
 _LINES = {HandStep.LIFT: "up axis", HandStep.ALONG_X: "x axis", HandStep.ALONG_Y: "y axis"}
 _RIGHT = (0, 1, 2), (1.0, 1.0, 1.0)
 _NED = (1, 0, 2), (1.0, 1.0, -1.0)
 _Z_READ_AS_Y_UP = (0, 2, 1), (1.0, -1.0, 1.0)
 _Y_READ_AS_Z_UP = (0, 2, 1), (1.0, 1.0, -1.0)
+_NOT_EXPRESSED = (
+    "which the stream's `axes` can't express: set a right-handed frame with z up, and x as in the"
+    " mission, in the motion-capture software"
+)
+_DEFINE = "define the body anew in the motion-capture software, with its x axis along the nose"
 _AGAIN = "repeat the check, and move the vehicle along straight lines"
 
 
@@ -57,21 +63,21 @@ class HandLine(NamedTuple):
     reason: str
 
 
-def judge(
-    motions: Sequence[HandMotion], stream: Stream, imu_trouble: str | None
-) -> list[HandLine]:
+def judge(motions: Sequence[HandMotion], stream: Stream, imu_trouble: str | None) -> list[HandLine]:
     """Return the verdict on the finished steps; what can't be judged yet is red. imu_trouble: why
     the IMU is not used, None if it is."""
     carries = [motion for motion in motions if motion.step in _AXES]
     lines = [_scale(carries, stream, imu_trouble)]
-    found = {motion.step: _nearest(motion.seen) for motion in carries}
+    found = {motion.step: nearest_axis(motion.seen) for motion in carries}
     why = _explained(found, stream)
-    lines += [_axis(step, carries, found, why) for step in _AXES]
+    for step in _AXES:
+        lines.append(_axis(step, carries, found, why))
+        why = why if lines[-1].green else ""  # told once
     dips = [motion for motion in motions if motion.step is HandStep.DIP]
-    if not all(line.green for line in lines[1:]):
-        lines.append(HandLine("nose", False, "not judged before the axes are right"))
-    elif not dips:
+    if not dips:
         lines.append(HandLine("nose", False, "not judged: the nose was not dipped"))
+    elif not all(line.green for line in lines[1:]):
+        lines.append(HandLine("nose", False, "not judged before the axes are right"))
     else:
         lines.append(_nose(dips[0], carries, imu_trouble))
     return lines
@@ -79,17 +85,17 @@ def judge(
 
 def named_way(way: Vec3) -> str:
     """Return a displacement in words: its length and the nearest axis."""
-    axis, sign, _ = _nearest(way)
+    axis, sign, _ = nearest_axis(way)
     direction = ("-" if sign < 0.0 else "+") + "xyz"[axis]
     words = {"+z": "up", "-z": "down"}.get(direction, f"along {direction}")
-    return f"{100.0 * norm(way):.2g} cm {words}"
+    return f"{named_length(norm(way))} {words}"
 
 
-def _nearest(way: Vec3) -> tuple[int, float, float]:
-    """Return the axis that is nearest to a displacement, its sign, and the angle to it, rad."""
-    axis = max(range(3), key=lambda i: abs(way[i]))
-    n = norm(way) or 1.0
-    return axis, 1.0 if way[axis] >= 0.0 else -1.0, acos(min(1.0, abs(way[axis]) / n))
+def named_length(metres: float) -> str:
+    """Return a length with a suitable unit."""
+    if metres < 0.01:
+        return f"{1000.0 * metres:.2g} mm"
+    return f"{100.0 * metres:.0f} cm" if metres < 2.0 else f"{metres:.0f} m"
 
 
 def _scale(carries: Sequence[HandMotion], stream: Stream, imu_trouble: str | None) -> HandLine:
@@ -101,7 +107,7 @@ def _scale(carries: Sequence[HandMotion], stream: Stream, imu_trouble: str | Non
     pairs = [(norm(m.seen), norm(m.felt)) for m in carries if m.felt is not None]
     if not pairs:
         green = LEAST_SEEN <= seen <= MOST_SEEN
-        reason = f"movements of {100.0 * seen:.2g} cm were seen, about 30 cm were asked for"
+        reason = f"movements of {named_length(seen)} were seen, about 30 cm were asked for"
         if green:
             why = imu_trouble or "the IMU is not used"
             return HandLine("scale", True, f"{reason}; not judged more exactly: {why}")
@@ -109,9 +115,10 @@ def _scale(carries: Sequence[HandMotion], stream: Stream, imu_trouble: str | Non
     felt = sum(f for _, f in pairs) / len(pairs)
     factor = sum(s * f for s, f in pairs) / sum(f * f for _, f in pairs)
     green = MIN_SCALE <= factor <= MAX_SCALE
-    reason = f"{100.0 * seen:.2g} cm by the poses, {100.0 * felt:.2g} cm by the IMU"
+    reason = f"{named_length(seen)} by the poses, {named_length(felt)} by the IMU"
     if not green:
-        reason = f"{factor:.2g} times the IMU's motion ({reason}): {_rescaled(factor, stream)}"
+        times = f"{factor:.2g}" if factor < 10.0 else f"{factor:.0f}"
+        reason = f"{times} times the IMU's motion ({reason}): {_rescaled(factor, stream)}"
     return HandLine("scale", green, reason)
 
 
@@ -141,10 +148,7 @@ def _explained(found: dict[HandStep, _Found], stream: Stream) -> str:
     if axes == _RIGHT:
         return ""
     if axes == _NED:
-        return (
-            "the stream is north-east-down; set east-north-up, with z up, in the motion-capture"
-            " software"
-        )
+        return f"the stream is north-east-down, {_NOT_EXPRESSED}"
     for needed, other, shown in (
         ("z_up", "y_up", _Z_READ_AS_Y_UP), ("y_up", "z_up", _Y_READ_AS_Z_UP)
     ):  # fmt: skip
@@ -152,10 +156,7 @@ def _explained(found: dict[HandStep, _Found], stream: Stream) -> str:
             if stream.axes == other:
                 return f"the stream has {needed[0]} up; write `axes: {needed}` in its sensor"
             return f"the stream has {needed[0]} up instead of {other[0]}: check its `axes`"
-    return (
-        f"it shows {axes_words(*axes)}: check the stream's `axes`, and set a right-handed frame with"
-        " z up, and x where the mission has it, in the motion-capture software"
-    )
+    return f"motion capture shows {axes_words(*axes)}, {_NOT_EXPRESSED}"
 
 
 def _axis(
@@ -170,7 +171,9 @@ def _axis(
     reason = f"seen: {named_way(motion.seen)}"
     if (axis, sign) == (_AXES[step], 1.0):
         return HandLine(name, True, f"{reason} ({degrees(off):.0f} deg aside)")
-    return HandLine(name, False, f"{reason}: {_misled(step, motion, carries) or why}")
+    reason += f" instead of {_ASKED[step]}"
+    why = _misled(step, motion, carries) or why
+    return HandLine(name, False, f"{reason}: {why}" if why else reason)
 
 
 def _misled(step: HandStep, motion: HandMotion, carries: Sequence[HandMotion]) -> str:
@@ -192,33 +195,33 @@ def _nose(dip: HandMotion, carries: Sequence[HandMotion], imu_trouble: str | Non
     """Judge the body's heading."""
     seen = _askew(dip.seen_turn)
     if dip.felt_turn is None:
-        reason = f"by the poses, the dip was {_side(seen)}"
+        reason = f"the body's x axis is {_turn(-seen)} of what was dipped"
         green = abs(seen) <= MOST_ASKEW
         if not green:
-            reason += f": {_defined_turned(-seen)}"
+            reason += f": if that was the nose, {_DEFINE}"
         why = imu_trouble or "the IMU is not used"
         return HandLine("nose", green, f"{reason}; not judged more exactly: {why}")
     felt = _askew(dip.felt_turn)
     turned = wrap(felt - seen)
-    reason = f"by the dip, the body is turned by {_turn(turned)} from the IMU's nose"
+    reason = f"the body's x axis is {_turn(turned)} of the nose by the dip"
     carried = _by_carries(carries)
     if carried is not None:
-        reason += f", by the carries by {_turn(carried)}"
+        reason += f", {_turn(carried)} by the carries"
         if abs(wrap(carried - turned)) > MOST_ASKEW:
             return HandLine("nose", False, f"{reason}, which contradict each other; {_AGAIN}")
     if abs(turned) <= MOST_TURNED:
-        return HandLine("nose", True, reason)
+        return HandLine("nose", True, f"{reason} ({degrees(MOST_TURNED):.0f} deg allowed)")
     if abs(felt) <= MOST_ASKEW:
-        reason += f": {_defined_turned(turned)}"
+        reason += f": {_DEFINE}"
     elif abs(seen) <= MOST_ASKEW:
         reason += (
-            f"; by the IMU, the dip was {_side(felt)}: the IMU is mounted turned, set its"
-            " orientation in the autopilot"
+            f"; by the IMU, the dip was {_turn(felt)} of its nose: the IMU is mounted turned, set"
+            " its orientation in the autopilot"
         )
     else:
         reason += (
-            f"; by the IMU the dip was {_side(felt)}, by the poses {_side(seen)}: repeat the check,"
-            " and dip the nose"
+            f"; by the IMU, the dip was {_turn(felt)} of the nose: repeat the check, and dip the"
+            " nose"
         )
     return HandLine("nose", False, reason)
 
@@ -248,22 +251,3 @@ def _direction(way: Vec3) -> float:
 def _turn(angle: float) -> str:
     """Return an angle to the left or to the right in words."""
     return f"{abs(degrees(angle)):.0f} deg to the {'left' if angle >= 0.0 else 'right'}"
-
-
-def _side(askew: float) -> str:
-    """Return in words which side was dipped. askew: the angle to the nose, rad."""
-    if abs(askew) <= MOST_ASKEW:
-        return "of the nose"
-    if abs(askew) >= pi - MOST_ASKEW:
-        return "of the tail"
-    return f"of the {'left' if askew > 0.0 else 'right'} side"
-
-
-def _defined_turned(turned: float) -> str:
-    """Return what is wrong with a body that is defined turned to the left by an angle, rad."""
-    quarter = 90.0 * round(degrees(turned) / 90.0)
-    about = f"about {_turn(quarter * DEG)} of the nose" if quarter else "beside the nose"
-    return (
-        f"the body is defined with its x axis {about}; define it anew in the motion-capture"
-        " software, with its x axis along the nose"
-    )
