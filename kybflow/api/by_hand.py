@@ -26,7 +26,7 @@ from kybflow.flight.hand_check.motions import (
     HandStep,
     HandWatch,
 )
-from kybflow.flight.hand_check.verdict import ASKED_WAY, Stream, judge, named_way
+from kybflow.flight.hand_check.verdict import ASKED_WAY, DeclaredStream, judge, named_way
 from kybflow.parts.link import Carriable
 from kybflow.runtime.events import Events, VehicleObserver
 from kybflow.runtime.preflight import PreflightResult
@@ -47,7 +47,7 @@ _MOVES: MappingProxyType[HandStep, tuple[Vec3, Vec3]] = MappingProxyType(
 """The displacement (m, world) and the rotation vector (rad, body) of each step."""
 
 
-class ByHand(NamedTuple):
+class HandCheckResult(NamedTuple):
     """The result of a check by hand. lines: the verdict. stopped: why the check ended before its
     last step, None if it did not."""
 
@@ -76,7 +76,7 @@ def objection(own: VehiclePlan) -> str | None:
 
 def check_by_hand(
     plan: Plan, name: str, tell: Tell, seed: int = 0, timeout: float = STEP_TIMEOUT_S
-) -> ByHand:
+) -> HandCheckResult:
     """Check the motion capture of the vehicle `name` by hand. timeout: seconds for each step.
 
     Raises DriverError if a device can't be opened or the vehicle's link fails, PartFailed if a part
@@ -113,7 +113,7 @@ def check_by_hand(
         engine.watch(is_over)
     finally:
         devices.close()
-    return ByHand(_lines(own, watch), session.stopped)
+    return HandCheckResult(_lines(own, watch), session.stopped)
 
 
 class _Passing(VehicleObserver):
@@ -194,7 +194,7 @@ def _lines(own: VehiclePlan, watch: HandWatch) -> list[PreflightResult]:
     sensor = next((part for part in sensors if Pose in part.cls.provides), None)
     asking = next(e.part for e in own.estimators if Pose in e.part.cls.uses(e.part.params))
     params = None if sensor is None else sensor.params
-    stream = Stream(getattr(params, "units", None), getattr(params, "axes", None))
+    stream = DeclaredStream(getattr(params, "units", None), getattr(params, "axes", None))
     at = (sensor or asking).at
     lines = judge(watch.motions, stream, watch.imu_trouble)
     return [PreflightResult(own.name, *line, at) for line in lines]

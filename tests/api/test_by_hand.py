@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import functools
 import random
+from dataclasses import dataclass
 from math import pi
 
 import pytest
@@ -12,10 +13,15 @@ from plans import Bent, plan, wrapped
 from short_flights import fault, hovers
 from toolchain import MISSIONS, compiled, invoke, printed
 
-from kybflow.api.by_hand import ByHand, Tell, check_by_hand
+from kybflow.api.by_hand import HandCheckResult, Tell, check_by_hand
 from kybflow.core.signals import Imu, Pose
+from kybflow.dsl.plan import PartPlan, SensorPlan
 from kybflow.flight.hand_check.motions import HandStep, HandWatch
-from kybflow.flight.hand_check.verdict import Stream, judge
+from kybflow.flight.hand_check.verdict import DeclaredStream, judge
+from kybflow.sensors.simulated_motion_capture import (
+    SimulatedMotionCapture,
+    SimulatedMotionCaptureParams,
+)
 
 FIRST = MISSIONS / "first_flight.yaml"
 WRONG = {
@@ -55,7 +61,7 @@ class Carried(Bent):
         self.link.carry(way, turn, generator)
 
 
-def checked(rule, seed=0, timeout=60.0, **vehicle) -> tuple[ByHand, list]:
+def checked(rule, seed=0, timeout=60.0, **vehicle) -> tuple[HandCheckResult, list]:
     """The result of a check in which poses are changed by a rule, and what the person was told."""
     told: list = []
     tell = Tell(told.append, told.append, lambda: told.append("simulated"))
@@ -63,7 +69,7 @@ def checked(rule, seed=0, timeout=60.0, **vehicle) -> tuple[ByHand, list]:
     return check_by_hand(plan(hovers(**vehicle), faults=faults), "a", tell, seed, timeout), told
 
 
-def red(result: ByHand) -> dict[str, str]:
+def red(result: HandCheckResult) -> dict[str, str]:
     return {line.check: line.reason for line in result.lines if not line.green}
 
 
@@ -81,7 +87,7 @@ def measured(seed: int) -> tuple:
     return tuple(found)
 
 
-def replayed(rule, seed) -> ByHand:
+def replayed(rule, seed) -> HandCheckResult:
     """The verdict on what was measured in a hand, in a frame that is changed by a rule."""
     frame = fault("mocap_frame", **rule).part
     change = frame.cls(frame.params, random.Random(0)).effects("a")["a"].filter
@@ -92,10 +98,10 @@ def replayed(rule, seed) -> ByHand:
         elif isinstance(measurement, Pose):
             watch.add_pose(change(measurement))
     assert watch.step is None
-    return ByHand(judge(watch.motions, Stream(), watch.imu_trouble), None)
+    return HandCheckResult(judge(watch.motions, DeclaredStream(), watch.imu_trouble), None)
 
 
-def flown(rule, seed) -> ByHand:
+def flown(rule, seed) -> HandCheckResult:
     return checked(rule, seed)[0]
 
 
@@ -166,6 +172,20 @@ def test_millimetres_without_an_imu_end_at_the_time_limit_and_name_the_units():
     assert " mm up" in result.stopped
     assert "`units`" in red(result)["scale"]
     assert told == ["simulated", HandStep.REST, None, HandStep.LIFT]
+
+
+@dataclass(frozen=True)
+class DeclaredParams(SimulatedMotionCaptureParams):
+    units: str = "mm"
+    axes: str = "z_up"
+
+
+def test_what_to_write_in_the_mission_is_said_with_its_line():
+    part = PartPlan("lab", SimulatedMotionCapture, DeclaredParams(), "sensors.lab", "m.yaml:7")
+    result, _ = checked({"factor": 1e-3}, sensors=(SensorPlan(part, ("mocap",)),))
+    [line] = [line for line in result.lines if not line.green]
+    assert line.reason.endswith("the stream is in m; write `units: m` in its sensor")
+    assert line.at == "m.yaml:7"
 
 
 def test_the_person_is_asked_step_by_step_and_told_what_was_seen():

@@ -59,7 +59,7 @@ class _Move(NamedTuple):
         return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
 
 
-class SimulatedHand:
+class CarryingHand:
     """A hand that holds a vehicle from its present place on. All randomness is from `generator`."""
 
     def __init__(self, at: Vec3, attitude: Quat, generator: random.Random) -> None:

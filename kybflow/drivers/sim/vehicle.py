@@ -23,7 +23,7 @@ from kybflow.core.signals import (
     Time,
     Truth,
 )
-from kybflow.drivers.sim.hand import SimulatedHand
+from kybflow.drivers.sim.hand import CarryingHand
 from kybflow.drivers.sim.lab import GustyWind, Jet, as_flown, build, lab
 from kybflow.drivers.sim.receiver import Receiver
 from kybflow.drivers.sim.sensors import (
@@ -113,7 +113,7 @@ class SimulatedVehicle(Link):
         self.faults = ActiveFaults(context.vehicle, self._apply_faults)
         self._arriving: deque[tuple[Time, Measurement]] = deque()
         self._push = ZERO
-        self._hand: SimulatedHand | None = None
+        self._hand: CarryingHand | None = None
         self._deaf = self._mute = False
         self._seen_as = self._sees_as = index
         self._imu = Averages()
@@ -206,7 +206,7 @@ class SimulatedVehicle(Link):
     def carry(self, way: Vec3, turn: Vec3, generator: random.Random) -> None:
         if self._hand is None:
             truth = self.truth()
-            self._hand = SimulatedHand(truth.position, truth.attitude, generator)
+            self._hand = CarryingHand(truth.position, truth.attitude, generator)
             self._world.apply_faults(self._index)
         self._hand.move(way, turn, self._world.now / NS)
 

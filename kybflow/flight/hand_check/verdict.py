@@ -47,7 +47,7 @@ _DEFINE = "define the body anew in the motion-capture software, with its x axis 
 _AGAIN = "repeat the check, and move the vehicle along straight lines"
 
 
-class Stream(NamedTuple):
+class DeclaredStream(NamedTuple):
     """What the mission declares of the poses' stream: its `units` and `axes`, None where its sensor
     has no such parameter."""
 
@@ -63,7 +63,9 @@ class HandLine(NamedTuple):
     reason: str
 
 
-def judge(motions: Sequence[HandMotion], stream: Stream, imu_trouble: str | None) -> list[HandLine]:
+def judge(
+    motions: Sequence[HandMotion], stream: DeclaredStream, imu_trouble: str | None
+) -> list[HandLine]:
     """Return the verdict on the finished steps; what can't be judged yet is red. imu_trouble: why
     the IMU is not used, None if it is."""
     carries = [motion for motion in motions if motion.step in _AXES]
@@ -98,7 +100,9 @@ def named_length(metres: float) -> str:
     return f"{100.0 * metres:.0f} cm" if metres < 2.0 else f"{metres:.0f} m"
 
 
-def _scale(carries: Sequence[HandMotion], stream: Stream, imu_trouble: str | None) -> HandLine:
+def _scale(
+    carries: Sequence[HandMotion], stream: DeclaredStream, imu_trouble: str | None
+) -> HandLine:
     """Judge the scale of the poses."""
     if not carries:
         reason = "no movement was seen; if there was one, "
@@ -122,7 +126,7 @@ def _scale(carries: Sequence[HandMotion], stream: Stream, imu_trouble: str | Non
     return HandLine("scale", green, reason)
 
 
-def _rescaled(factor: float, stream: Stream) -> str:
+def _rescaled(factor: float, stream: DeclaredStream) -> str:
     """Return what to change if the poses show `factor` times the motion."""
     if stream.units is None:
         return "check the stream's `units`"
@@ -135,7 +139,7 @@ def _rescaled(factor: float, stream: Stream) -> str:
 _Found = tuple[int, float, float]
 
 
-def _explained(found: dict[HandStep, _Found], stream: Stream) -> str:
+def _explained(found: dict[HandStep, _Found], stream: DeclaredStream) -> str:
     """Return which axes explain the movements, and what to change. found: for each step the nearest
     axis, its sign and the angle to it."""
     seen = {_AXES[step]: found[step] for step in found}
