@@ -34,7 +34,7 @@ from kybflow.runtime.scores import Score
 
 STEP_TIMEOUT_S = 60.0
 """Seconds that each step may take."""
-SILENCE_S = 1.0
+SILENCE_S = 2.0
 """Seconds without a pose after which poses are said to be missing."""
 _MOVES: MappingProxyType[HandStep, tuple[Vec3, Vec3]] = MappingProxyType(
     {
@@ -48,7 +48,7 @@ _MOVES: MappingProxyType[HandStep, tuple[Vec3, Vec3]] = MappingProxyType(
 
 
 class HandCheckResult(NamedTuple):
-    """The result of a check by hand. lines: the verdict. stopped: why the check ended before its
+    """The result of a check by hand. lines: the verdict, empty without any pose. stopped: why the check ended before its
     last step, None if it did not."""
 
     lines: list[PreflightResult]
@@ -57,11 +57,12 @@ class HandCheckResult(NamedTuple):
 
 class Tell(NamedTuple):
     """What the check tells the person. ask: is called when a step begins. done: is called with what
-    a step has shown; None after the rest. simulated: is called if a simulated hand moves the
-    vehicle."""
+    a step has shown; None after the rest. warn: is called when poses stop arriving. simulated: is
+    called if a simulated hand moves the vehicle."""
 
     ask: Callable[[HandStep], None]
     done: Callable[[HandMotion | None], None]
+    warn: Callable[[str], None]
     simulated: Callable[[], None]
 
 
@@ -147,6 +148,7 @@ class _Session:
         self._generator, self._trouble, self._timeout = generator, trouble, timeout
         self._asked: HandStep | None = None
         self._since: Time = 0
+        self._is_silent = False
 
     def is_over(self, now: Time, armed: bool | None) -> bool:
         """Return whether all steps are done or the check was stopped; ask for a step that begins.
@@ -156,8 +158,12 @@ class _Session:
             return True
         step = self._watch.step
         if step is self._asked:
+            silence = self._silence(now)
+            if silence is not None and not self._is_silent:
+                self._tell.warn(silence)
+            self._is_silent = silence is not None
             if now - self._since > self._timeout * NS:
-                self.stopped = self._why_not(now)
+                self.stopped = silence or self._why_not()
             return self.stopped is not None
         if self._asked is not None:
             self._tell.done(self._watch.motions[-1] if self._watch.motions else None)
@@ -169,14 +175,17 @@ class _Session:
             self._hand.carry(*_MOVES[step], self._generator)
         return False
 
-    def _why_not(self, now: Time) -> str:
+    def _silence(self, now: Time) -> str | None:
+        """Return why no poses arrive; None if they do."""
+        age = self._watch.age(now)
+        if (now / NS if age is None else age) <= SILENCE_S:
+            return None
+        trouble = self._trouble()
+        return f"no pose arrives: {trouble}" if trouble else "no pose arrives"
+
+    def _why_not(self) -> str:
         """Return why the present step was not done in time."""
         watch, within = self._watch, f"within {self._timeout:.0f} s"
-        age = watch.age(now)
-        if age is None or age > SILENCE_S:
-            seen = "no pose arrived" if age is None else f"no pose arrived for {age:.0f} s"
-            trouble = self._trouble()
-            return f"{seen}: {trouble}" if trouble else seen
         if watch.step is HandStep.REST:
             return f"it did not rest {within}"
         if watch.step is HandStep.DIP:
@@ -189,7 +198,9 @@ class _Session:
 
 
 def _lines(own: VehiclePlan, watch: HandWatch) -> list[PreflightResult]:
-    """Return the verdict."""
+    """Return the verdict; nothing if no pose has arrived."""
+    if watch.age(0) is None:
+        return []
     sensors = (sensor.part for sensor in own.sensors)
     sensor = next((part for part in sensors if Pose in part.cls.provides), None)
     asking = next(e.part for e in own.estimators if Pose in e.part.cls.uses(e.part.params))

@@ -14,7 +14,7 @@ from short_flights import fault, hovers
 from toolchain import MISSIONS, compiled, invoke, printed
 
 from kybflow.api.by_hand import HandCheckResult, Tell, check_by_hand
-from kybflow.core.signals import Imu, Pose
+from kybflow.core.signals import NS, Imu, Pose
 from kybflow.dsl.plan import PartPlan, SensorPlan
 from kybflow.flight.hand_check.motions import HandStep, HandWatch
 from kybflow.flight.hand_check.verdict import DeclaredStream, judge
@@ -64,7 +64,7 @@ class Carried(Bent):
 def checked(rule, seed=0, timeout=60.0, **vehicle) -> tuple[HandCheckResult, list]:
     """The result of a check in which poses are changed by a rule, and what the person was told."""
     told: list = []
-    tell = Tell(told.append, told.append, lambda: told.append("simulated"))
+    tell = Tell(told.append, told.append, told.append, lambda: told.append("simulated"))
     faults = (fault("mocap_frame", 0.0, **rule),) if rule else ()
     return check_by_hand(plan(hovers(**vehicle), faults=faults), "a", tell, seed, timeout), told
 
@@ -224,16 +224,21 @@ def test_who_does_nothing_is_told_what_was_missing():
         def carry(self, way, turn, generator): ...
 
     result, _ = checked({}, driver=wrapped(lambda _, link: Idle(link)), timeout=3.0)
-    assert "it was not moved by 12 cm or more" in (result.stopped or "")
+    assert "it was not moved by 18 cm or more" in (result.stopped or "")
     assert red(result)["nose"] == "not judged: the nose was not dipped"
 
 
-def test_poses_that_never_arrive_are_told():
-    def bend(measurement, now):
-        return measurement if isinstance(measurement, Imu) else None
+def test_poses_that_do_not_arrive_are_told_at_once():
+    """The hand covers the markers for three seconds while it lifts; then they never return."""
 
-    result, _ = checked({}, driver=wrapped(lambda _, link: Carried(link, bend)), timeout=2.0)
-    assert result.stopped == "no pose arrived"
+    def bend(measurement, now):
+        is_seen = now < 2.5 * NS or 5.5 * NS < now < 6.0 * NS
+        return measurement if is_seen or not isinstance(measurement, Pose) else None
+
+    driver = wrapped(lambda _, link: Carried(link, bend))
+    result, told = checked({}, driver=driver, timeout=10.0)
+    assert told == ["simulated", HandStep.REST, None, HandStep.LIFT, *["no pose arrives"] * 2]
+    assert result.stopped == "no pose arrives"
 
 
 @pytest.mark.thorough
@@ -241,7 +246,7 @@ def test_poses_that_never_arrive_are_told():
 def test_an_autopilot_is_asked_for_its_imu(target):
     """It is heard only once the autopilot has answered."""
     result = check_by_hand(
-        compiled(FIRST, warns=True, target=target), "nano", Tell(print, print, lambda: None)
+        compiled(FIRST, warns=True, target=target), "nano", Tell(print, print, print, lambda: None)
     )
     assert (result.stopped, red(result)) == (None, {})
     assert "by the IMU" in result.lines[0].reason

@@ -90,11 +90,13 @@ def _check_by_hand(plan: Plan, name: str, seed: int) -> NoReturn:
     tell = Tell(
         ask=lambda step: say(asked(step, name)),
         done=lambda motion: say(shown(motion)),
+        warn=lambda reason: say(f"  {reason}"),
         simulated=lambda: say(f"{name} is simulated, and so is the hand that moves it."),
     )
     with failing(FAILED, KybflowError), failing(DRIVER_FAILED, DriverError):
         found = check_by_hand(plan, name, tell, seed)
-    echo("\n".join(table(found.lines)))
+    for line in table(found.lines):
+        echo(line)
     if found.stopped is not None:
         echo(f"error: the check was not finished: {found.stopped}", err=True)
     red = found.stopped is not None or not all(line.green for line in found.lines)

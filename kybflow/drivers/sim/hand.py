@@ -37,6 +37,8 @@ from kybflow.drivers.sim.steps.onboard import Numbers
 MOST_ASTRAY, MOST_YAW = 30.0 * DEG, 10.0 * DEG
 """Largest angles of a displacement and of a rotation's axis from what was asked for, and of a turn
 about the vertical beside it, rad."""
+SHORTEST_S, LONGEST_S = 0.9, 1.6
+"""Bounds of a movement's duration, s."""
 SWAY, SWAY_TURN = 0.003, 1.0 * DEG
 TREMOR, TREMOR_TURN = 0.0002, 0.15 * DEG
 """Amplitudes along and about each axis, m and rad."""
@@ -77,7 +79,7 @@ class CarryingHand:
         """After a short time, move by about `way` (m, world frame) and turn by about `turn`
         (rotation vector, rad, body frame)."""
         draw = self._generator.uniform
-        self._place, self._attitude = self._goal(self._move.begins + self._move.lasts)
+        self._place, self._attitude = self._goal(t)
         begins = t + draw(0.4, 0.9)
         self._grasped = begins if self._grasped is None else self._grasped
         if way != ZERO:
@@ -88,7 +90,7 @@ class CarryingHand:
         askew = from_heading(draw(-MOST_ASTRAY, MOST_ASTRAY))
         turn = scale(rotate(askew, turn), draw(0.85, 1.2))
         turn = add(turn, (0.0, 0.0, draw(-MOST_YAW, MOST_YAW)))
-        self._move = _Move(way, turn, begins, draw(0.9, 1.6))
+        self._move = _Move(way, turn, begins, draw(SHORTEST_S, LONGEST_S))
 
     def pose(self, t: float) -> tuple[Vec3, Quat]:
         """Return where the hand holds the vehicle at a time."""

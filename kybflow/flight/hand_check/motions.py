@@ -59,7 +59,7 @@ REST_S, HOLD_S = 1.5, 0.8
 STILL_SHARE, STILL_TILT = 0.05, 4.0 * DEG
 """Largest scatter (root mean square) of a vehicle that is held still: of its position, relative to
 the displacement since the last stand, and of its vertical, rad."""
-LEAST_WAY, LEAST_DIP = 0.12, 15.0 * DEG
+LEAST_WAY, LEAST_DIP = 0.18, 15.0 * DEG
 """Smallest movements that count, m and rad."""
 DEPARTED_SHARE = 0.1
 """Share of a displacement at which a movement has begun, and before whose end it is over."""
