@@ -48,8 +48,8 @@ _MOVES: MappingProxyType[HandStep, tuple[Vec3, Vec3]] = MappingProxyType(
 
 
 class HandCheckResult(NamedTuple):
-    """The result of a check by hand. lines: the verdict, empty without any pose. stopped: why the check ended before its
-    last step, None if it did not."""
+    """The result of a check by hand. lines: the verdict, empty without any pose. stopped: why the
+    check ended before its last step, None if it did not."""
 
     lines: list[PreflightResult]
     stopped: str | None

@@ -6,7 +6,7 @@ from math import cos, pi, radians, sin
 
 import pytest
 
-from kybflow.core.geometry import LEVEL, ZERO, scale
+from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, scale
 from kybflow.core.signals import NS, Imu, Pose
 from kybflow.flight.hand_check.motions import HandMotion, HandStep, HandWatch
 from kybflow.flight.hand_check.verdict import DeclaredStream, judge, named_way
@@ -188,3 +188,22 @@ def test_an_imu_that_cannot_be_used_is_told_after_a_while(rate, force, trouble):
             break
     assert rested == pytest.approx(1.5 if trouble is None else 5.0, abs=0.3)
     assert watch.imu_trouble == trouble
+
+
+def test_a_gyroscope_that_drifts_while_the_person_waits_does_not_tilt_the_lift():
+    """The vehicle is lifted 50 s after its rest, with a rate that is off by 0.01 rad/s since."""
+    watch, dt = HandWatch(), 0.02
+
+    def height(t):
+        s = min(1.0, max(0.0, t - 52.0))
+        return 0.3 * s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
+
+    for k in range(1, round(55.0 / dt)):
+        t, now = k * dt, round(k * dt * NS)
+        force = GRAVITY + (height(t) + height(t - 2 * dt) - 2.0 * height(t - dt)) / dt**2
+        drift = 0.01 if t > 2.0 else 0.0
+        watch.add_imu(Imu(now, dt, (0.0, 0.0, force), (drift, 0.0, 0.0)))
+        if watch.add_pose(Pose(now, (0.0, 0.0, height(t)), LEVEL)) and watch.motions:
+            break
+    [lift] = watch.motions
+    assert lift.felt == pytest.approx((0.0, 0.0, 0.3), abs=0.02)
