@@ -14,6 +14,7 @@ from short_flights import fault, hovers
 from toolchain import MISSIONS, compiled, invoke, printed
 
 from kybflow.api.by_hand import HandCheckResult, Tell, check_by_hand
+from kybflow.core.geometry import norm
 from kybflow.core.signals import NS, Imu, Pose
 from kybflow.dsl.plan import PartPlan, SensorPlan
 from kybflow.flight.hand_check.motions import HandStep, HandWatch
@@ -172,6 +173,19 @@ def test_millimetres_without_an_imu_end_at_the_time_limit_and_name_the_units():
     assert " mm up" in result.stopped
     assert "`units`" in red(result)["scale"]
     assert told == ["simulated", HandStep.REST, None, HandStep.LIFT]
+
+
+def test_a_hand_that_covers_the_markers_while_it_moves_is_understood():
+    def covering(_, link):
+        def bend(measurement, now):
+            is_covered = norm(link.truth().velocity) > 0.2
+            return None if is_covered and isinstance(measurement, Pose) else measurement
+
+        return Carried(link, bend)
+
+    result, _ = checked({"factor": 1e-3}, driver=wrapped(covering))
+    assert result.stopped is None
+    assert red(result).keys() == {"scale"}
 
 
 @dataclass(frozen=True)

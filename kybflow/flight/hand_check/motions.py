@@ -65,6 +65,8 @@ DEPARTED_SHARE = 0.1
 """Share of a displacement at which a movement has begun, and before whose end it is over."""
 LONGEST_MOVEMENT_S = 6.0
 """Longest movement whose integral is exact enough, s."""
+LEAST_PATTERN = 0.03
+"""Least root mean square of the pattern s, so that enough poses show the movement itself."""
 LEAST_IMU_RATE, MAX_IMU_GAP_S, MAX_IMU_ERROR = 22.0, 0.15, 1.5
 """Lowest rate of an IMU that is used, Hz; the longest gap between its samples in a movement, s; and
 the largest difference of its specific force at rest from gravity, m/s^2."""
@@ -221,7 +223,7 @@ class HandWatch:
         seen_turn = _turned(_vector(self._base[_TOP]), _vector(end[_TOP]))
         if _scatter(poses[:, _TOP]) > STILL_TILT:
             return False
-        felt, felt_heading = None, 0.0
+        felt, felt_turn, headings = None, None, (float(self._base[_HEADING]), 0.0)
         if step is HandStep.DIP:
             felt_turn = self._felt_turn()
             if norm(seen_turn if felt_turn is None else felt_turn) < LEAST_DIP:
@@ -229,22 +231,16 @@ class HandWatch:
         else:
             if _scatter(poses[:, _AT]) > STILL_SHARE * way:
                 return False
-            felt_turn = None
             if self.imu_trouble is None:
-                felt, felt_heading = self._felt(end)
+                felt, headings = self._felt(end)
             if (way if felt is None else norm(felt)) < LEAST_WAY:
-                return False
-            if felt is None and self.imu_trouble is None:
                 return False
         seen = _vector((end - self._base)[_AT])
         if step is HandStep.LIFT:
             axis, sign, _ = nearest_axis(seen)
             x, y, z = (sign if i == axis else 0.0 for i in range(3))
             self._up = (x, y, z)
-        heading = float(self._base[_HEADING])
-        self.motions.append(
-            HandMotion(step, seen, felt, heading, felt_heading, seen_turn, felt_turn)
-        )
+        self.motions.append(HandMotion(step, seen, felt, *headings, seen_turn, felt_turn))
         self._stand(poses)
         return True
 
@@ -269,34 +265,39 @@ class HandWatch:
         top = self._top_felt()
         return None if top is None else _turned(self._top, top)
 
-    def _felt(self, end: Array) -> tuple[Vec3 | None, float]:
-        """Return the movement that ended at a mean pose by the IMU, and its heading before; None if
-        samples are missing or the movement took too long."""
+    def _felt(self, end: Array) -> tuple[Vec3 | None, tuple[float, float]]:
+        """Return the movement that ended at a mean pose by the IMU, and the headings before by the
+        poses and by the IMU. The movement is None if poses or samples are missing or if it took too
+        long."""
         poses, imus = numpy.array(self._poses), numpy.array(self._imus)
         offset, way = (end - self._base)[_AT], float(numpy.linalg.norm((end - self._base)[_AT]))
+        unknown = None, (float(self._base[_HEADING]), 0.0)
         if not way or len(imus) < 4:
-            return None, 0.0
+            return unknown
         near = DEPARTED_SHARE * way
         away = numpy.linalg.norm(poses[:, _AT] - self._base[_AT], axis=1) > near
         short = numpy.linalg.norm(poses[:, _AT] - end[_AT], axis=1) > near
-        begins = poses[numpy.flatnonzero(~away & short), _TIME].max(initial=poses[0, _TIME])
-        ends = poses[numpy.flatnonzero(short), _TIME].max(initial=begins)
-        margin = 0.6 * (ends - begins) + 0.1
-        since, until = begins - margin, ends + margin
-        poses = poses[(poses[:, _TIME] >= since) & (poses[:, _TIME] <= until)]
+        begins = int(numpy.flatnonzero(~away & short).max(initial=0))
+        ends = min(int(numpy.flatnonzero(short).max(initial=begins)) + 1, len(poses) - 1)
+        since, until = poses[begins, _TIME], poses[ends, _TIME]
+        margin = 0.6 * (until - since) + 0.1
         times = poses[:, _TIME]
+        is_inside = (times >= since - margin) & (times <= until + margin)
+        times = times[is_inside]
         inside = imus[(imus[:, _TIME] >= times[0] - 0.1) & (imus[:, _TIME] <= times[-1] + 0.1)]
-        if ends - begins > LONGEST_MOVEMENT_S or not _is_dense(inside):
-            return None, 0.0
+        if until - since > LONGEST_MOVEMENT_S or not _is_dense(inside):
+            return unknown
         fit = numpy.vander(times - times.mean(), 3)
-        curves = [poses[:, _AT] @ (offset / way**2)]
+        curves = [poses[is_inside][:, _AT] @ (offset / way**2)]
         curves += [numpy.interp(times, inside[:, _TIME], x) for x in inside[:, _MOVED].T]
         bends = numpy.column_stack(curves)
         bends -= fit @ numpy.linalg.lstsq(fit, bends, rcond=None)[0]
         pattern = bends[:, 0]
+        if float((pattern**2).mean()) < LEAST_PATTERN**2:
+            return unknown
         felt = _vector(pattern @ bends[:, 1:] / (pattern @ pattern))
-        first = int(numpy.searchsorted(inside[:, _TIME], begins))
-        return felt, float(inside[min(first, len(inside) - 1), _HEADING])
+        first = min(int(numpy.searchsorted(inside[:, _TIME], since)), len(inside) - 1)
+        return felt, (float(poses[begins, _HEADING]), float(inside[first, _HEADING]))
 
 
 def _trouble(imus: Array | None) -> str | None:

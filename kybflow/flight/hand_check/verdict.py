@@ -113,7 +113,7 @@ def _scale(
         green = LEAST_SEEN <= seen <= MOST_SEEN
         reason = f"movements of {named_length(seen)} were seen, about 30 cm were asked for"
         if green:
-            why = imu_trouble or "the IMU is not used"
+            why = imu_trouble or "the movements were too slow, or poses were missing"
             return HandLine("scale", True, f"{reason}; not judged more exactly: {why}")
         return HandLine("scale", False, f"{reason}: {_rescaled(seen / ASKED_WAY, stream)}")
     felt = sum(f for _, f in pairs) / len(pairs)
