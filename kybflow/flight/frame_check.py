@@ -471,3 +471,9 @@ def _all_axes() -> tuple[_Axes, ...]:
 
 
 _ALL_AXES = _all_axes()
+
+
+def axes_words(order: tuple[int, int, int], sign: Vec3) -> str:
+    """Return in words how poses in other axes show: the position along axis i is sign[i] times that
+    along order[i] of the declared axes."""
+    return next(axes.words for axes in _ALL_AXES if (axes.order, axes.sign) == (order, sign))

@@ -8,10 +8,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
+from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Command, Estimate, Measurement, MeasurementKind, Time, Truth
 from kybflow.parts.fault import ActiveFaults
+
+if TYPE_CHECKING:
+    import random
 
 
 class Check(NamedTuple):
@@ -219,6 +223,16 @@ class SimulatesLab(Protocol):
     none."""
 
     is_calm: bool
+
+
+@runtime_checkable
+class Carriable(Protocol):
+    """A link to a simulator in which a hand can move the vehicle."""
+
+    def carry(self, way: Vec3, turn: Vec3, generator: random.Random) -> None:
+        """Let a simulated hand, clumsy as a person's, move the vehicle by about `way` (m, world
+        frame), turn it by about `turn` (rotation vector, rad, body frame), and hold it there. The
+        first call grasps the vehicle; `generator` then makes all randomness of the hand."""
 
 
 class Touch(NamedTuple):

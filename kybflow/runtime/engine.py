@@ -243,6 +243,17 @@ class Engine:
             self._advance()
         return []
 
+    def watch(self, is_over: Callable[[], bool]) -> None:
+        """Read the measurements of every vehicle, with the mission's faults, until `is_over`. No
+        vehicle arms."""
+        while not is_over():
+            self.events.turn(self.clock.now)
+            if self.plan.faults:
+                self.injection.step(self.clock.now)
+            for vehicle in self.vehicles:
+                vehicle.sense(self.clock.now)
+            self._advance()
+
     def stop(self, reason: str, at: str = "") -> None:
         """Land every vehicle and end the run. The run counts as completed, unless it is still in
         the preflight."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Sequence
 
+from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Measurement, Time, Truth
 from kybflow.drivers.ardrone.link import ArdroneLink
 from kybflow.drivers.ardrone.udp import UdpWire
@@ -74,6 +75,9 @@ class EmulatedDroneLink(ArdroneLink):
 
     def report_touches(self, tell: Callable[[Touch], None]) -> None:
         self._emulated.vehicle.report_touches(tell)
+
+    def carry(self, way: Vec3, turn: Vec3, generator: random.Random) -> None:
+        self._emulated.vehicle.carry(way, turn, generator)
 
 
 class EmulatedDroneSession(Session):

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
+from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Measurement, Time, Truth
 from kybflow.drivers.emulated_autopilot.autopilot import OnboardAutopilot
 from kybflow.drivers.emulated_autopilot.channel import Channel
@@ -163,6 +164,9 @@ class EmulatedLink(AutopilotLink):
 
     def report_touches(self, tell: Callable[[Touch], None]) -> None:
         self._emulated.vehicle.report_touches(tell)
+
+    def carry(self, way: Vec3, turn: Vec3, generator: random.Random) -> None:
+        self._emulated.vehicle.carry(way, turn, generator)
 
 
 class EmulatedSession(Session):

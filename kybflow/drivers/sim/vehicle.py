@@ -23,6 +23,7 @@ from kybflow.core.signals import (
     Time,
     Truth,
 )
+from kybflow.drivers.sim.hand import CarryingHand
 from kybflow.drivers.sim.lab import GustyWind, Jet, as_flown, build, lab
 from kybflow.drivers.sim.receiver import Receiver
 from kybflow.drivers.sim.sensors import (
@@ -112,6 +113,7 @@ class SimulatedVehicle(Link):
         self.faults = ActiveFaults(context.vehicle, self._apply_faults)
         self._arriving: deque[tuple[Time, Measurement]] = deque()
         self._push = ZERO
+        self._hand: CarryingHand | None = None
         self._deaf = self._mute = False
         self._seen_as = self._sees_as = index
         self._imu = Averages()
@@ -158,7 +160,10 @@ class SimulatedVehicle(Link):
     @property
     def is_disturbed(self) -> bool:
         """Whether wind, forces or vibration act on the vehicle."""
-        return self.wind.blows or self.faults.blows or self._push != ZERO or self._lab.disturbs
+        held = self._hand is not None
+        return (
+            self.wind.blows or self.faults.blows or held or self._push != ZERO or self._lab.disturbs
+        )
 
     @property
     def thrust(self) -> float:
@@ -182,7 +187,8 @@ class SimulatedVehicle(Link):
 
     def push(self, elapsed: float, thrust: float) -> Numbers:
         """Return the force (N, world frame) and the torque (N m, body frame) of eddies, ground
-        effect and faults, `elapsed` seconds after the last call. thrust: of all rotors, N."""
+        effect, faults and a hand, `elapsed` seconds after the last call. thrust: of all rotors,
+        N."""
         eddies, ground, force = self._lab.eddies, self._lab.ground, self._push
         x, y, z, *turned = NOTHING if eddies is None else eddies.after(elapsed)
         if ground is not None:
@@ -190,7 +196,19 @@ class SimulatedVehicle(Link):
             lift = thrust * ground.gain(truth.position[2] + LEGS)
             force = add(force, rotate(truth.attitude, (0.0, 0.0, lift)))
         fx, fy, fz = force
-        return (x + fx, y + fy, z + fz, *turned)
+        if self._hand is None:
+            return (x + fx, y + fy, z + fz, *turned)
+        body, seconds = self.body, self._world.now / NS
+        hx, hy, hz, *turn = self._hand.push(self.truth(), seconds, body.mass, body.inertia)
+        a, b, c = (own + its for own, its in zip(turned, turn, strict=True))
+        return (x + fx + hx, y + fy + hy, z + fz + hz, a, b, c)
+
+    def carry(self, way: Vec3, turn: Vec3, generator: random.Random) -> None:
+        if self._hand is None:
+            truth = self.truth()
+            self._hand = CarryingHand(truth.position, truth.attitude, generator)
+            self._world.apply_faults(self._index)
+        self._hand.move(way, turn, self._world.now / NS)
 
     def vibration(self, thrust: float) -> float:
         """Return the vibration relative to that in hover. A rotor's imbalance grows with the square

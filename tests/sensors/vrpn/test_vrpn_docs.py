@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from command_lines import command
 from pages import blocks, page
-from toolchain import compiled, invoke
+from toolchain import compiled, invoke, printed
 
 from kybflow.sensors.vrpn import VrpnParams
 
@@ -47,3 +47,17 @@ def test_its_commands_exist() -> None:
     for line in lines:
         name, *arguments = shlex.split(line)
         command(name).make_context(name, arguments, resilient_parsing=False)
+
+
+def test_its_check_by_hand_shows_what_is_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(written(tmp_path).parent)
+    (block,) = blocks(PAGE, "console")
+    line, _, shown = block.partition("\n")
+    code, said = printed(*line.removeprefix("$ kybflow ").split())
+
+    def without_figures(text: str) -> str:
+        return re.sub(r"\[.*\]|\d+|left|right", "...", text)
+
+    assert (code, without_figures(said)) == (0, without_figures(shown))
