@@ -139,12 +139,12 @@ class Tracker(Part[P]):
 
     @classmethod
     def kinds(cls, params: P) -> frozenset[CommandKind]:
-        """Return the kinds of command that it may emit with these parameters."""
+        """Return the kinds of command that the tracker may emit with these parameters."""
         return frozenset({cls.emits})
 
     @classmethod
     def uses(cls, params: P) -> frozenset[MeasurementKind]:
-        """Return the kinds of measurement with which it tracks better, beside the estimate."""
+        """Return the kinds of measurement, beside the estimate, that improve the tracking."""
         return frozenset()
 
     @classmethod

@@ -105,7 +105,7 @@ class ActiveFaults:
 
     @property
     def blows(self) -> bool:
-        """Whether any effect has wind."""
+        """Whether any effect is a wind."""
         return any(e.wind is not None for e, _ in self._effects)
 
     def wind(self, now: Time) -> Vec3:

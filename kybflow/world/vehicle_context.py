@@ -172,10 +172,10 @@ class Parcel:
     """A payload that a vehicle carries and can release: a box under its rotors, whose lower side is
     level with the legs."""
 
-    mass: Mass = param("Mass; controllers don't know it.", above=0.0)
+    mass: Mass = param("Mass, which controllers don't know.", above=0.0)
     size: Length = param("Side of the box, a cube.", above=0.0)
     channel: int = param(
-        "Channel of the servo that holds it, from 1; of an autopilot the auxiliary output.",
+        "Channel of the payload's servo, from 1; the auxiliary output of an autopilot.",
         default=1, at_least=1,
     )  # fmt: skip
     aboard: bool = param("Whether it is on board when the mission begins.", default=True)

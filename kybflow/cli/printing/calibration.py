@@ -85,7 +85,7 @@ def calibration_lines(found: WalkCalibration, read: int, total: int) -> Iterator
     yield ""
     if walk.reference is None:
         yield f"mount of `{name}`: not observable from frames alone; give the body's poses:"
-        yield "  --poses FILE (motion capture), or --standing (on its start in the first frame)"
+        yield "  --poses FILE (motion capture), or --standing (at its start in the first frame)"
     else:
         mount = list(_mount(found))
         lens += mount

@@ -96,7 +96,7 @@ def _types() -> Iterator[tuple[str, ...]]:
             known = ", ".join(f"`{unit}`" for unit in dimension.units) or "none"
             yield dimension.name, f"`{name}`", shapes[base], known, f"`{dimension.example}`"
     size, like = "3 rows of 3, `[[...], ...]`", "`[[1, 0, 0], [0, 1, 0], [0, 0, 1]]`"
-    yield "matrix of any of these", "`Matrix[3, 3, Damping]`", size, "those of `Damping`", like
+    yield "matrix of these units", "`Matrix[3, 3, Damping]`", size, "those of `Damping`", like
 
 
 _WAITED_FOR = {
@@ -238,8 +238,8 @@ def _signature(node: Node) -> str:
 
 
 def show_shipped(name: str) -> str | None:
-    """Return the text of the file called `name`, or of every entry with that name; None if there is
-    none."""
+    """Return the text of the library or mission called `name`, or of every library entry with that
+    name; None if nothing has this name."""
     for one in (*library.libraries(), *library.missions()):
         if name in (one.name, one.name.removeprefix(f"{library.OWN}/")):
             return f"# {one.path}\n{one.source.text}".rstrip()

@@ -209,8 +209,8 @@ def _is_barred(when: tree.Condition, settled: dict[str, _Settled], waiting: set[
 
 
 def _never_in(settled: dict[str, _Settled], waiting: set[str], name: str, state: str) -> bool:
-    """Return whether a vehicle that has ended up somewhere is never in `state`. False for built-in
-    states, because the failsafe may enter them."""
+    """Return whether a vehicle that stays in its final state was never in `state`. False for
+    built-in states, because the failsafe may enter them."""
     other = _resting(settled, waiting, name)
     if other is None or state in BUILT_IN:
         return False

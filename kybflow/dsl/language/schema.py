@@ -177,7 +177,7 @@ class Schemas:
 
     def _uses(self, kind: Any, field: Field) -> Schema:
         """Return the schema of a list of parts, of records of parts, or of stacks."""
-        stack = Field("A stack: its parts for this list stand here.", key="stack")
+        stack = Field("A stack, whose parts for this list are inserted here.", key="stack")
         if isinstance(kind.item, PartOf):
             layout, title, about = part_layout(kind.item), kind.item.kind[:-1], "One of them."
         else:

@@ -108,7 +108,8 @@ def shown_path(path: Path) -> str:
 
 @functools.cache
 def installed(name: str) -> Path | None:
-    """Return the folder `library` of the missions in the package `name`; None if there is none.
+    """Return the folder of the mission libraries in the package `name`, or None if the package has
+    none.
 
     The folder of kybflow itself is `kybflow/missions/library` in a wheel and `missions/library` in
     a checkout. Other packages are found through the entry-point group `kybflow.missions`.

@@ -27,8 +27,8 @@ MAX_AFTER_LIKE = 200_000
 class Resolved(NamedTuple):
     """A mission after imports, parameters and `like` are resolved. root: its top level, whose
     airframes, vehicles and flows are complete. parameters: the values of its parameters.
-    names_points: whether the name of a point may occur in it. chains: the names of the chains that
-    it may use."""
+    names_points: whether the mission may name points. chains: the names of the chains that the
+    mission may use."""
 
     root: Mapping
     parameters: dict[str, Parameter]

@@ -58,10 +58,9 @@ FILTERS = TrackedParams()
 
 
 class Stiffness(NamedTuple):
-    """The position gains of a law with a gain matrix, rising: along two horizontal directions
-    (`level`) and upwards (`up`). is_coupled: the matrix couples the height with x and y; each of
-    its three gains is then used for every direction, which is right as far as all directions
-    respond alike."""
+    """The position gains of a gain matrix, in ascending order: along two horizontal directions
+    (`level`) and upwards (`up`). is_coupled: the matrix couples the height with x and y; all three
+    gains are then used for every direction, which is exact if all directions respond alike."""
 
     level: tuple[float, ...]
     up: tuple[float, ...]
@@ -203,8 +202,8 @@ Gains = tuple[float, float, float]
 @params
 class DesignedGains:
     proportional: Number | None = param(
-        "Acceleration per metre of position error; by default as the loop on board allows, 16 at"
-        " most.",
+        "Acceleration per metre of position error; by default as high as the on-board"
+        " loop allows, at most 16.",
         default=None, above=0,
     )  # fmt: skip
     derivative: Number | None = param(

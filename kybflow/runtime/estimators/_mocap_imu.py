@@ -213,7 +213,8 @@ class StampOffset:
         self._product = self._square = 0.0
 
     def look(self, time: Time, seen: Quat) -> None:
-        """Learn from the attitude of a new pose. time: its uncorrected stamp."""
+        """Update the clock offset with the attitude `seen` in a new pose. time: the pose's
+        uncorrected stamp."""
         self._poses += 1
         if self._poses < POSES_PER_READING:
             return

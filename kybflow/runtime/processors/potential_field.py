@@ -114,7 +114,7 @@ class PotentialField(Processor[PotentialFieldParams]):
         cls, params: PotentialFieldParams, context: VehicleContext
     ) -> Iterator[Objection]:
         if params.farthest <= params.nearest:
-            reason = f"not beyond `nearest`, {params.nearest:g} m: nothing is repelled before it"
+            reason = f"must be greater than `nearest`, {params.nearest:g} m"
             yield Objection("farthest", reason, "write `farthest: 50 cm`")
 
     def __init__(self, params: PotentialFieldParams, context: VehicleContext) -> None:

@@ -74,12 +74,13 @@ class Ground(Supervisor[GroundParams]):
         if tick.now - self._since < _CONTACT_TIME_NS:
             return None
         reaction = Reaction[self.params.reaction.upper()]
-        reason = "it lies on the ground, but should fly"
+        reason = "it is on the ground, but should fly"
         return Alarm("ground_touched", reaction, reason, is_failure=True)
 
     def _leaves(self, setpoint: Setpoint | None, estimate: Estimate) -> bool:
-        """Return whether a vehicle that has flown should be elsewhere: its setpoint is too far
-        above or below, climbs, or lies on the ground itself, and is not that of a landing."""
+        """Return whether the setpoint of a vehicle that has flown is not on the ground where the
+        vehicle lies: it is too far above or below, climbs, or is at ground level without a
+        landing."""
         if setpoint is None or not self._has_flown:
             return False
         climb = 0.0 if setpoint.velocity is None else setpoint.velocity[2]

@@ -109,12 +109,12 @@ DANGEROUS = [
     ),
     (
         PX4, {"COM_OF_LOSS_T": 2.5}, False,
-        "COM_OF_LOSS_T is 2.5: for so many seconds it would fly on without setpoints; set 0.5",
+        "COM_OF_LOSS_T is 2.5: it would fly on this long without setpoints; set 0.5",
     ),
     (
         ARDUPILOT, {"FS_GCS_ENABLE": 0.0}, False,
-        "FS_GCS_ENABLE is 0: without our heartbeat nothing would happen, a position setpoint is"
-        " held for ever; set 5 (land)",
+        "FS_GCS_ENABLE is 0: without our heartbeat it would hold the last position setpoint for"
+        " ever; set 5 (land)",
     ),
     *(
         (

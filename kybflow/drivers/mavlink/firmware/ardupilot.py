@@ -82,7 +82,7 @@ _EARLY_END = MappingProxyType({5: f"on a low battery {_FALLS}"})
 DANGERS = (
     Danger(
         "FS_GCS_ENABLE",
-        {0: "without our heartbeat nothing would happen, a position setpoint is held for ever"},
+        {0: "without our heartbeat it would hold the last position setpoint for ever"},
         "5 (land)",
     ),
     Danger(
@@ -93,7 +93,7 @@ DANGERS = (
     ),
     Danger(
         "FS_GCS_TIMEOUT", cure="2", above=5.0,
-        excess="for so many seconds it would fly on without our heartbeat",
+        excess="it would fly on this long without our heartbeat",
     ),
     Danger("SYSID_MYGCS", others="it waits for another program's heartbeat, not for ours"),
     Danger(
@@ -107,7 +107,7 @@ DANGERS = (
     ),
     Danger(
         "GUID_TIMEOUT", cure="0.5", above=3.0,
-        excess="for so many seconds it would fly on with the last velocity or acceleration",
+        excess="it would fly on this long with the last velocity or acceleration",
     ),
     Danger("BATT_FS_LOW_ACT", _EARLY_END, "1 (land)"),
     Danger("BATT_FS_CRT_ACT", _EARLY_END, "1 (land)"),

@@ -94,7 +94,7 @@ DANGERS = (
     Danger("COM_OBL_RC_ACT", {3: f"without setpoints {_CLIMBS}"}, "4 (land)", indoors=True),
     Danger(
         "COM_OF_LOSS_T", cure="0.5", above=1.0,
-        excess="for so many seconds it would fly on without setpoints",
+        excess="it would fly on this long without setpoints",
     ),
     Danger("NAV_DLL_ACT", dict.fromkeys((5, 6), f"without our heartbeat {_FALLS}"), _NO_HEARTBEAT),
     Danger("NAV_DLL_ACT", {2: f"without our heartbeat {_CLIMBS}"}, _NO_HEARTBEAT, indoors=True),

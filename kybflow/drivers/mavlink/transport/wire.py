@@ -118,7 +118,7 @@ _FORMS = (
 
 
 _QUESTIONS = {
-    "udpin": "does the autopilot send to that port, and does no other program take it?",
+    "udpin": "does the autopilot send to that port, and is no other program listening on it?",
     "udpout": "does an autopilot listen there?",
     "tcp": "does an autopilot listen there, and is no other program connected?",
     "tcpin": "does the autopilot connect there?",
