@@ -74,12 +74,12 @@ if TYPE_CHECKING:
     from jsonschema.protocols import Validator
 
 CODES = {
-    "KYB101": "A key that the language doesn't have there.",
-    "KYB102": "A key that is needed and missing.",
-    "KYB103": "A value of the wrong shape: a list where a mapping is needed, and so on.",
-    "KYB106": "Nothing where something is needed.",
-    "KYB110": "A name that can't be one.",
-    "KYB111": "A version of the language that this program doesn't read.",
+    "KYB101": "The language doesn't have this key here.",
+    "KYB102": "A required key is missing.",
+    "KYB103": "A value has the wrong shape, such as a list where a mapping is needed.",
+    "KYB106": "A value is empty where one is required.",
+    "KYB110": "A name is invalid.",
+    "KYB111": "The version of the language is not supported.",
 }
 _JSON = {str: "string", bool: "boolean", int: "number", float: "number", type(None): "null"}
 _NEVER = {("library", "kybflow"): "remove it; a library begins with `library:`"}

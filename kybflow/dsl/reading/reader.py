@@ -43,7 +43,7 @@ from kybflow.dsl.reading.nodes import (
 from kybflow.dsl.reading.yaml_errors import CLOSE, not_yaml, without_colon
 
 CODES = {
-    "KYB001": "The file can't be opened or is no regular file.",
+    "KYB001": "The file can't be opened or is not a regular file.",
     "KYB002": "The file is larger than a mission may be.",
     "KYB003": "The file is not UTF-8 text.",
     "KYB005": "The file is empty.",
@@ -55,7 +55,7 @@ CODES = {
     "KYB011": "The file is nested too deep.",
     "KYB012": "The file has too many values, counted with every alias expanded.",
     "KYB013": "An alias is not defined, or contains itself.",
-    "KYB015": "A key without a value, which counts as not written.",
+    "KYB015": "A key has no value, which counts as not written.",
 }
 MAX_NODES = 100_000
 MAX_DEPTH = 40

@@ -26,10 +26,10 @@ from kybflow.dsl.resolving.library_files import LibraryPath, installed, read_lib
 from kybflow.dsl.resolving.parameters import ParameterTable
 
 CODES = {
-    "KYB124": "`like`, `airframe`, `stack`, `world` or `do: chain.` names what doesn't exist.",
-    "KYB125": "Entries that are `like` each other in a cycle, or stacks that hold each other.",
-    "KYB129": "A behavior or phase that is removed, and that `like` does not bring (a warning).",
-    "KYB157": "A stack that has nothing for the list in which it stands.",
+    "KYB124": "`like`, `airframe`, `stack`, `world` or `do: chain.` names something unknown.",
+    "KYB125": "Entries are `like` each other in a cycle, or stacks contain each other.",
+    "KYB129": "A mission removes a behavior or phase that it doesn't inherit (a warning).",
+    "KYB157": "A stack has nothing for the list that contains it.",
 }
 _MAX_CHAIN = 20
 _STANDARD = "kybflow/airframes"

@@ -20,8 +20,8 @@ from kybflow.dsl.reading.nodes import Mapping, Scalar
 from kybflow.dsl.reading.reader import MOST_FILES, ParsedFile, read
 
 CODES = {
-    "KYB120": "An import that names no file.",
-    "KYB121": "An import that leaves the mission's folder and the installed libraries.",
+    "KYB120": "An import names a missing file.",
+    "KYB121": "An import is outside the mission's folder and the installed libraries.",
 }
 GROUP = "kybflow.missions"
 _STANDARD = "the standard library is `kybflow/airframes`"

@@ -19,7 +19,7 @@ from kybflow.dsl.resolving.parameters import Setting, declare
 from kybflow.dsl.resolving.unused import unused_imports
 
 CODES = {
-    "KYB126": "More values than a mission may have, counted after `like`.",
+    "KYB126": "The mission has too many values, counted with those inherited through `like`.",
 }
 MAX_AFTER_LIKE = 200_000
 
