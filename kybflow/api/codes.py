@@ -257,8 +257,8 @@ _INTRODUCTION = """\
 # What each check means
 
 `kybflow validate` checks a mission before anything flies. Each finding has a code;
-`kybflow explain CODE` prints its section of this page. Errors keep a mission on the ground. Warnings
-report what can't be decided before the flight, and what is probably a mistake.
+`kybflow explain CODE` prints its section of this page. Errors keep a mission on the ground.
+Warnings report what can't be decided before the flight, and what is probably a mistake.
 
 This page is generated from the checks and their tests: `kybflow explain --write docs/checks.md`.
 """
