@@ -170,7 +170,7 @@ def test_a_labs_own_behavior_that_leaves_the_fence(tmp_path: Path) -> None:
     assert held.code == left.code == "KYB473"
     assert (held.span.line, left.span.line) == (12, 12)
     assert "`fence` keeps the setpoint" in held.label
-    assert "outside of the fence" in left.label
+    assert "outside the fence" in left.label
     assert "`own` (drift) leads `a` out of bounds at " in left.message
 
 

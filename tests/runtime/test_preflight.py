@@ -397,7 +397,7 @@ def test_a_second_take_off_asks_where_it_landed(run):
     flown, told = run(replace(plan, driver=bent(carried)))
     assert path(told, "a") == ["up", "away", "down", "again", "up2", "landed"]
     [failed] = named(told, "behavior_failed")
-    assert "m from where it stood (0.25 m allowed)" in str(failed.fields["reason"])
+    assert "m from where the vehicle stood (0.25 m allowed)" in str(failed.fields["reason"])
     assert flown.exit_code == 1
 
 

@@ -81,11 +81,11 @@ class LandBlindParams:
         "Time in which the thrust goes down to `share`.", default=1.0, above=0.0, read_only=True
     )
     fade: Damping = param(
-        "Share of the hover thrust that is taken away each second after that.",
+        "Share of the hover thrust by which the thrust then falls each second.",
         default=0.01, above=0.0, read_only=True,
     )  # fmt: skip
     time_bound: Duration = param(
-        "Time after which the rotors stop where no IMU is heard; long enough for the slowest "
+        "Time after which the rotors stop if there is no IMU; long enough for the slowest "
         "descent from the mission's greatest height.",
         default=12.0, above=0.0, read_only=True,
     )  # fmt: skip
@@ -130,7 +130,7 @@ class LandBlind(
             if known is None or height_in_the_air(self._context, known, ()) <= 0.0:
                 return Done(IDLE)
         self.lets_go = self._descent is None and tick.link_age > _LINK_TIMEOUT_S
-        self.waits_for = "its own watchdog, as nothing is heard of it" if self.lets_go else None
+        self.waits_for = "its own watchdog, because the link is silent" if self.lets_go else None
         thrust = self._felt
         if thrust is None:
             p, time = self.params, tick.elapsed

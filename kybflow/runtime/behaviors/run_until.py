@@ -35,16 +35,16 @@ from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 class RunUntilParams:
     velocity: Velocity = param("Velocity, world frame.", read_only=True)
     at_most: Length = param(
-        "Way over ground after which it has stopped in any case.", above=0.0, read_only=True
+        "Horizontal distance after which the vehicle stops in any case.", above=0.0, read_only=True
     )
     for_time: Duration | None = param(
-        "Time after which it has stopped in any case.", default=None, above=0.0, read_only=True
+        "Time after which the vehicle stops in any case.", default=None, above=0.0, read_only=True
     )
     acceleration: Acceleration = param(
         "Largest acceleration and deceleration.", default=0.7, above=0.0, read_only=True
     )
     patience: Duration = param(
-        "Time past the planned end after which it has failed.", default=10.0, above=0.0
+        "Time past the planned end after which the behavior fails.", default=10.0, above=0.0
     )
 
 

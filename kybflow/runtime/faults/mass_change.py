@@ -15,10 +15,10 @@ from kybflow.parts import Effect, Fault, param, params
 @params
 class MassChangeParams:
     factor: Ratio = param(
-        "Of the mass that it has; below 100 % it is lighter.",
+        "Share of the vehicle's own mass; below 100 % the vehicle is lighter.",
         default=1.0, at_least=0.2, at_most=5.0, read_only=True,
     )  # fmt: skip
-    added: Mass = param("Mass that it carries on top.", default=0.0, at_least=0.0, read_only=True)
+    added: Mass = param("Additional mass.", default=0.0, at_least=0.0, read_only=True)
 
 
 class MassChange(Fault[MassChangeParams]):

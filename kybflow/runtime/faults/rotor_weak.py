@@ -21,7 +21,11 @@ class RotorWeakParams:
         "Which one.", default="front_left", read_only=True
     )
     left: Ratio = param(
-        "Part of its thrust that is left.", default=0.85, at_least=0.0, at_most=1.0, read_only=True
+        "Remaining share of the rotor's thrust.",
+        default=0.85,
+        at_least=0.0,
+        at_most=1.0,
+        read_only=True,
     )
 
 

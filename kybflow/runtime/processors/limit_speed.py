@@ -30,7 +30,7 @@ _VELOCITY = SetpointKind.VELOCITY
 class LimitSpeedParams:
     speed: Speed = param("Largest speed of the setpoint.", default=1.0, above=0.0)
     catch_up: Acceleration = param(
-        "Largest acceleration of the setpoint while it follows behind.", default=2.0, above=0.0
+        "Largest acceleration of the setpoint while it catches up.", default=2.0, above=0.0
     )
 
 

@@ -18,11 +18,9 @@ from kybflow.parts import Processor, param, params
 
 @params
 class ModeCheckParams:
-    position: bool = param("Let setpoints of position pass.", default=True, tightens="down")
-    velocity: bool = param("Let setpoints of velocity pass.", default=True, tightens="down")
-    acceleration: bool = param(
-        "Let setpoints of acceleration pass.", default=False, tightens="down"
-    )
+    position: bool = param("Pass position setpoints.", default=True, tightens="down")
+    velocity: bool = param("Pass velocity setpoints.", default=True, tightens="down")
+    acceleration: bool = param("Pass acceleration setpoints.", default=False, tightens="down")
 
     def lets_pass(self, kind: SetpointKind) -> bool:
         if kind is SetpointKind.POSITION:

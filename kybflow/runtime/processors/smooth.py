@@ -85,7 +85,7 @@ _NEGLIGIBLE_SHARE = 0.01
 @params
 class SmoothParams:
     settle: Duration = param(
-        "Time in which a step has died out to 2 %.", default=2.0, at_least=0.2, at_most=20.0
+        "Time in which a step decays to 2 %.", default=2.0, at_least=0.2, at_most=20.0
     )
 
 

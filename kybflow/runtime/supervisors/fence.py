@@ -29,7 +29,7 @@ _BACK_INSIDE = 0.05
 @params
 class FenceSupervisorParams:
     margin: Length = param(
-        "How far beyond the fence the vehicle may be.", default=0.1, at_least=0.0, tightens="down"
+        "Largest distance beyond the fence.", default=0.1, at_least=0.0, tightens="down"
     )
     reaction: ReactionName = param("What the failsafe does.", default="land", tightens="up")
 

@@ -31,7 +31,7 @@ _CONTACT_TIME_NS = NS // 2
 @params
 class GroundParams:
     gap: Length = param(
-        "How far its setpoint is above or below a vehicle that doesn't follow.",
+        "Height difference between the setpoint and a vehicle that doesn't follow it.",
         default=0.1, above=0.0, tightens="down",
     )  # fmt: skip
     reaction: ReactionName = param("What the failsafe does.", default="land", tightens="up")

@@ -37,7 +37,7 @@ class JumpParams:
         "Largest multiple of the average step.", default=4.0, above=1.0, tightens="down"
     )
     at_least: Length = param(
-        "Step below which nothing is a jump.", default=0.1, above=0.0, tightens="down"
+        "Step below which a jump is ignored.", default=0.1, above=0.0, tightens="down"
     )
     reaction: ReactionName = param("What the failsafe does.", default="land_blind", tightens="up")
 
@@ -51,13 +51,13 @@ class Jump(Supervisor[JumpParams]):
     def objections(cls, params: JumpParams, context: VehicleContext) -> Iterator[Objection]:
         p = params
         if p.at_least < _NOISE:
-            reason = "takes the noise of motion capture for a jump"
+            reason = "mistakes the noise of motion capture for a jump"
             yield Objection("at_least", reason, "write `at_least: 10 cm`", is_doubt=True)
         if context.fence is not None and p.at_least > max(context.fence.size):
             reason = "never alarms: the fence is smaller"
             yield Objection("at_least", reason, "write `at_least: 10 cm`", is_doubt=True)
         if p.factor > _MAX_FACTOR:
-            reason = f"alarms at {p.factor:g} times the average step only"
+            reason = f"alarms at {p.factor:g} times the average step"
             yield Objection("factor", reason, "write `factor: 4`", is_doubt=True)
 
     def __init__(self, params: JumpParams, context: VehicleContext) -> None:

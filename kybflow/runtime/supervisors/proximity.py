@@ -36,10 +36,13 @@ m/s^2."""
 @params
 class ProximityParams:
     margin: Length = param(
-        "Distance between two airframes that is left.", default=0.05, at_least=0.0, tightens="up"
+        "Distance that must remain between two airframes.",
+        default=0.05,
+        at_least=0.0,
+        tightens="up",
     )
     distance: Length = param(
-        "Distance between two centres that is kept at least, whatever the vehicles' sizes.",
+        "Smallest distance between two centres, whatever the vehicles' sizes.",
         default=0.0, at_least=0.0, tightens="up",
     )  # fmt: skip
     reaction: ReactionName = param("What the failsafe does.", default="brake", tightens="up")

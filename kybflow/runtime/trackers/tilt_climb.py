@@ -39,11 +39,11 @@ class TiltClimbParams(DesignedGains):
     heading: Damping = param("Heading rate per radian of heading error.", default=1.5, above=0)
     turn_rate: AngularRate = param("Largest heading rate.", default=60.0 * DEG, above=0)
     tilt: Angle | None = param(
-        "Largest tilt; the airframe's own by default, and never more.",
+        "Largest tilt; at most, and by default, that of the airframe.",
         default=None, above=0, below=1.3,
     )  # fmt: skip
     lift_off: Length = param(
-        "Height above the ground from which it flies.", default=0.05, at_least=0
+        "Height above the ground from which the vehicle counts as flying.", default=0.05, at_least=0
     )
 
 

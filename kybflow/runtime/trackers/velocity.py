@@ -32,9 +32,7 @@ from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext
 @params
 class VelocityParams(SteeringParams):
     proportional: Damping = param("Velocity per metre of position error.", default=1.2, above=0)
-    correction: Speed = param(
-        "The most that a position error adds to the velocity.", default=0.5, above=0
-    )
+    correction: Speed = param("Largest velocity that a position error adds.", default=0.5, above=0)
     derivative: Number = param("Acceleration per m/s of velocity error.", default=7.5, above=0)
     integral: Number = param(
         "Acceleration per metre of integrated velocity error.", default=4.5, at_least=0

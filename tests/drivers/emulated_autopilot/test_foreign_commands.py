@@ -66,7 +66,7 @@ def test_foreign_set_points_are_told_with_the_station_and_no_success(autopilot, 
     assert told.fields["reason"].endswith(f"ground station {STATION} is heard too")
     assert flight.at("foreign_command") - WRONG < 3.0
     assert flight.flown.summary["vehicles"]["a"]["foreign_commands"] == [told.fields["reason"]]
-    assert "somebody else commanded it: it follows" in flight.flown.summary["reason"]
+    assert "another program commanded it: it follows" in flight.flown.summary["reason"]
     assert flight.flown.exit_code == 1
 
 

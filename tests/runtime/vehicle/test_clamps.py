@@ -76,7 +76,7 @@ def test_a_behavior_whose_goal_is_clamped_has_failed(tmp_path: Path):
     flight, visit, _ = lab_flight(Rise, tmp_path)
     assert visit["ended"] == "failed"
     assert flight.summary["outcome"] == "failed"
-    assert "`fence` keeps the setpoint 1.5 m off what is wanted" in flight.summary["reason"]
+    assert "`fence` keeps the setpoint 1.5 m from the requested one" in flight.summary["reason"]
 
 
 def test_its_error_is_from_what_it_wanted(tmp_path: Path):
