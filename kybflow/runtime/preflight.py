@@ -204,8 +204,7 @@ def _frame(vehicle: Vehicle, at: str) -> PreflightResult:
         reason = f"its poses at rest vary by {frame.shake:.2f} m: check the stream's `units`"
         return PreflightResult(name, "frame", False, reason, at)
     if slant is None:
-        reason = "not checked, because there is no IMU: `units` and `axes` of the stream can't "
-        "be verified"
+        reason = "not checked: `units` and `axes` of the stream need an IMU"
         return PreflightResult(name, "frame", True, reason, at)
     green = slant <= MOST_SLANT
     reason = f"{degrees(slant):.0f} deg off gravity ({most:.0f} deg allowed)"

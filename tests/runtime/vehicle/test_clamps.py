@@ -146,7 +146,7 @@ def test_a_clamp_that_comes_back_later_is_another():
 
 def test_velocities_are_clamped_too():
     began, ended = clamped((0.0, climbing(0.5), climbing(0.1)), (0.2, climbing(0.5), climbing(0.0)))
-    assert "40 cm/s off" in began.fields["reason"]
+    assert "40 cm/s from" in began.fields["reason"]
     assert (ended.fields["most"], ended.fields["seconds"]) == ("50 cm/s", pytest.approx(0.2))
 
 
