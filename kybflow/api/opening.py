@@ -117,7 +117,7 @@ def pace_of(plan: Plan, asked: float | None, again: Mapping[str, str] = NOTHING)
     if part is None:
         return asked
     if asked not in (None, 1.0):
-        reason = f"`{part.name}` ({part.at}) works in real time, which the simulation must keep"
+        reason = f"`{part.name}` ({part.at}) works in real time, so the simulation must too"
         raise DriverError(f"{reason}: fly with `--speed 1` or without `--speed`")
     return 1.0
 

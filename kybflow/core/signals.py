@@ -66,7 +66,7 @@ class Recorded(NamedTuple):
     extra_comment: str
 
 
-Stamp = Annotated[Time, "ns; when it was true. It arrived at the message's log time."]
+Stamp = Annotated[Time, "ns; the time of measurement. It arrived at the message's log time."]
 
 
 class Pose(NamedTuple):
@@ -101,8 +101,8 @@ class Imu(NamedTuple):
     and noise, in the body frame: specific force (m/s^2; 9.81 upwards at rest) and angular velocity
     (rad/s)."""
 
-    time: Annotated[Time, "ns; the end of what it is the average of"]
-    dt: Annotated[float, "s; how long that was"]
+    time: Annotated[Time, "ns; the end of the averaging interval"]
+    dt: Annotated[float, "s; the length of that interval"]
     specific_force: Annotated[Vec3, "m/s^2, body (FLU)"]
     angular_velocity: Annotated[Vec3, "rad/s, body"]
 
@@ -166,7 +166,7 @@ class Sticks(NamedTuple):
     throttle: Annotated[float, "0 to 1"]
     switches: Annotated[
         tuple[float, ...],
-        Recorded("-1 to 1", "count", "how many switches there are; the rest is zero"),
+        Recorded("-1 to 1", "count", "number of switches; the rest is zero"),
     ] = ()
 
 
@@ -291,7 +291,7 @@ ReactionName = Literal["warn", "brake", "go_home", "land", "land_blind", "cut"]
 class Alarm(NamedTuple):
     """The report that a bound was crossed. event: the name of the event, in the past tense.
     reaction: what the failsafe does. value, bound: the measured value and the bound, None if they
-    are no numbers. is_failure: whether the mission counts as failed even if the vehicle lands
+    are not numbers. is_failure: whether the mission counts as failed even if the vehicle lands
     well."""
 
     event: str

@@ -47,7 +47,7 @@ The vehicle has touched down when the floor carries it. The law of the descent r
 the floor, slowly: f, which is l s without its noise, then exceeds 0.9 g for 0.1 s while the thrust
 is below a third of the hover thrust. An impact, where f exceeds l s by 8 m/s^2 and six times the
 noise, may be the floor or anything else, such as a wall or another vehicle, at any height. It adds
-to v what the IMU measured, which is no noise, and begins a probe: for 0.2 s the thrust is reduced
+to v what the IMU measured, and not noise, and begins a probe: for 0.2 s the thrust is reduced
 to a quarter of the hover thrust. On the floor f, averaged over 30 ms, stays above 0.8 g while the
 thrust falls below 0.4 of the hover thrust; after 0.05 s of that the rotors stop. In the air f
 follows the thrust; the vehicle loses at most 1.2 m/s, and the descent goes on. There is no probe in

@@ -300,7 +300,7 @@ def _reason(pose: Pose, reference: Reference, bounds: Bounds) -> str:
     off = distance(pose.position, reference.position)
     most = min(_reachable(pose, reference, bounds), bounds.widest)
     if off > most:
-        return f"{off:.2f} m from where it is believed, {most:.2f} m allowed"
+        return f"{off:.2f} m from the estimate, {most:.2f} m allowed"
     if not is_same(pose.attitude, reference.attitude):
-        return "turned by more than 45 deg from the attitude that is believed"
-    return f"{off:.2f} m from where it is believed, more than the spreads explain"
+        return "turned by more than 45 deg from the estimated attitude"
+    return f"{off:.2f} m from the estimate, more than the spreads explain"

@@ -51,8 +51,8 @@ class TrackedParams:
     gap: Duration = param(
         "Time without a pose after which the filter starts again.", default=0.5, above=0.0
     )
-    samples: int = param("Poses before there is an estimate.", default=5, at_least=2)
-    memory: Duration = param("Time over which the spread is taken.", default=0.25, above=0.0)
+    samples: int = param("Number of poses before the first estimate.", default=5, at_least=2)
+    memory: Duration = param("Time window of the spread.", default=0.25, above=0.0)
 
 
 class TrackedPose:

@@ -121,7 +121,7 @@ def test_two_that_swap_places_on_one_line_are_told_with_both_lines(tmp_path: Pat
 
     assert found(braked) == ["KYB474", "KYB474"]
     first, second = braked.diagnostics
-    assert first.message.startswith("the failsafe answers `over` of `a` with `brake` at 6.")
+    assert first.message.startswith("the failsafe reacts to `over` of `a` with `brake` at 6.")
     assert (first.span.line, second.span.line) == (12, 17)
     assert first.notes[0].startswith("`b` is in `over` (fly_to) at [0.")
     assert first.notes[0].endswith("mission.yaml:17)")
@@ -320,7 +320,7 @@ def test_members_that_come_too_close_are_not_told_to_come_in_turns(tmp_path: Pat
     diagnostics = rehearsed(FORMED % "side: 30 cm, path: [[1, 0.5, 1]]", tmp_path).diagnostics
     hints = {d.help for d in diagnostics if d.code == "KYB474"}
 
-    assert hints == {"keep their ways apart, in height or in time, or move the bound"}
+    assert hints == {"keep their paths apart, in height or in time, or move the bound"}
 
 
 def test_a_persons_events_come_two_seconds_after_they_are_waited_for(tmp_path: Path) -> None:

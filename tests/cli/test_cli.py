@@ -209,7 +209,9 @@ def test_events_are_given_while_it_flies(tmp_path: Path) -> None:
 def test_an_event_whose_time_never_came_is_told(tmp_path: Path) -> None:
     words = ("--emit", "operator.land@1s", "--emit", "operator.pause@9000s", "--no-report")
     result = invoke("run", FIRST, "--out", str(tmp_path), *words)
-    assert "`operator.pause` at 9000 s was never given: the run ended before" in result.output
+    assert (
+        "`operator.pause` at 9000 s was never given, because the run ended first" in result.output
+    )
     assert "`operator.land` at" not in result.output
 
 
@@ -273,7 +275,7 @@ def test_a_library_is_told_to_be_no_mission(command: str) -> None:
     library = ROOT / "missions" / "library" / "airframes.yaml"
     result = invoke(command, str(library))
     assert result.exit_code == 2
-    assert f"{library} is a library, no mission" in result.output
+    assert f"{library} is a library, not a mission" in result.output
 
 
 def test_the_version_needs_no_command() -> None:

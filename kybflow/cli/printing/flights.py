@@ -55,7 +55,7 @@ def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
         measured = f"  ({format_measured(value, unit)})" if isinstance(value, float) else ""
         yield f"{mark}  {expectation['text']}{measured}"
     for seconds, name in flown.never_given:
-        yield f"`{name}` at {seconds:g} s was never given: the run ended before"
+        yield f"`{name}` at {seconds:g} s was never given, because the run ended first"
     reason = f": {headline(summary['reason'])}" if summary["reason"] else ""
     yield f"{summary['mission']} {summary['outcome']}{reason}"
     if summary.get("missed_ticks"):

@@ -102,14 +102,14 @@ def _types() -> Iterator[tuple[str, ...]]:
 _WAITED_FOR = {
     "anywhere": "yes",
     "to log it": "by a callback that logs it",
-    "too late": "no: the run is over then",
-    "nowhere": "no: it is recorded only",
+    "too late": "no: the run has ended",
+    "nowhere": "no: it is only recorded",
 }
 
 
 def event_table(catalog: Catalog) -> Iterator[str]:
     """Yield the lines of a Markdown table: the engine's events, then those that parts declare."""
-    yield "| event | of | when | it carries | can be waited for |"
+    yield "| event | of | when | fields | can be waited for |"
     yield "|---|---|---|---|---|"
     for event in ENGINE_EVENTS.values():
         yield _row(event, _owner(event))
@@ -272,7 +272,9 @@ def show_file(path: Path) -> str:
     if one.root is None:
         first = next(iter(one.source.found), None)
         texts = {one.source.file: one.source.text}
-        raise KybflowError(render(first, texts) if first else f"`{path}` is no mission or library")
+        raise KybflowError(
+            render(first, texts) if first else f"`{path}` is not a mission or library"
+        )
     blocks = ["\n".join(_contents(one))]
     for own in library.imports_of(one):
         heading = f"import {own.name}, {own.written}"

@@ -128,7 +128,7 @@ class Avoidance:
         given = self.keep_off(setpoint, tick, keeping)
         if not self._gets_stuck:
             return given
-        reason = "what is near leaves no way: it brakes, and gives way"
+        reason = "obstacles leave no safe acceleration: it brakes"
         return Emitting(given, AvoidanceBlocked(reason=reason))
 
     def keep_off(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint:

@@ -207,11 +207,11 @@ class DesignedGains:
         default=None, above=0,
     )  # fmt: skip
     derivative: Number | None = param(
-        "Acceleration per m/s of velocity error; by default likewise, 9 at most.",
+        "Acceleration per m/s of velocity error; by default likewise, at most 9.",
         default=None, above=0,
     )  # fmt: skip
     integral: Number | None = param(
-        "Acceleration per metre and second of position error; by default likewise, 8 at most.",
+        "Acceleration per metre and second of position error; by default likewise, at most 8.",
         default=None, at_least=0,
     )  # fmt: skip
 

@@ -128,8 +128,7 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
             )
         unheard, apart = params.speed * params.freshness, norm(params.offset)
         if unheard > apart > 0.0:
-            reason = f"allows a silent leader to move {unheard:.3g} m, but the offset is only "
-            f"{apart:.3g} m"
+            reason = f"allows a silent leader to move {unheard:.3g} m, and it is {apart:.3g} m away"
             hint = f"write {apart / params.speed:.2g} s at most"
             yield Objection("freshness", reason, hint, is_doubt=True)
 

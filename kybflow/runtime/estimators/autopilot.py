@@ -6,7 +6,7 @@ Its newest odometry (position p, velocity v, attitude q, turn rate w, at time t)
 
 with the same velocities. Odometry is extrapolated by `ahead` at most; after that, the estimate
 stays where it is and its `age` grows. spread: as the autopilot reports it, metres. Odometry is
-ignored if it is not newer than the last, not finite, or if its attitude is no rotation.
+ignored if it is not newer than the last, not finite, or if its attitude is not a rotation.
 
 If the autopilot gets its position from this program (external vision), its estimate is not
 independent: it has the same age and errors, and is continued by the autopilot's IMU when that

@@ -143,7 +143,7 @@ DANGEROUS = [
     ),
     (
         ARDUPILOT, {"SYSID_MYGCS": 255.0}, False,
-        "SYSID_MYGCS is 255: it waits for another program's heartbeat, not for ours;"
+        "SYSID_MYGCS is 255: it waits for another program's heartbeat, not for kybflow's;"
         " set 245 (this program)",
     ),
 ]  # fmt: skip

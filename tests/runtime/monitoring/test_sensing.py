@@ -307,7 +307,7 @@ def test_a_sensor_of_the_wall_clock_sets_the_pace_of_a_simulation() -> None:
     body = vehicle("a", [down()], sensors=(sensor(lambda now: [], Live),))
     assert pace_of(plan(body), None) == pace_of(plan(body), 1.0) == 1.0
     reason = (
-        "`scripted` (m.yaml:7) works in real time, which the simulation must keep: fly with "
+        "`scripted` (m.yaml:7) works in real time, so the simulation must too: fly with "
         "`--speed 1` or without `--speed`"
     )
     with pytest.raises(DriverError, match=re.escape(reason)):

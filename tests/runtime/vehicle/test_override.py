@@ -241,7 +241,7 @@ class Keeping(Autopilot):
     def read(self, now):
         measured = super().read(now)
         if self.asked_back is not None and now / NS > self.asked_back + 1.0:
-            self.override = PILOT._replace(refused="it won't go from POSCTL to OFFBOARD")
+            self.override = PILOT._replace(refused="it does not change from POSCTL to OFFBOARD")
         return measured
 
 
@@ -251,7 +251,7 @@ def test_a_vehicle_that_is_asked_for_and_does_not_come_is_told_each_time(run):
     _, told = run(flight(own), emitted=asks)
     found = named(told, "control_refused")
     assert [event.fields for event in found] == [
-        {"reason": "it won't go from POSCTL to OFFBOARD"}
+        {"reason": "it does not change from POSCTL to OFFBOARD"}
     ] * 2
     times = [event.time / NS for event in found]
     assert times == pytest.approx([TAKEN + 1.2, TAKEN + 2.8], abs=0.03)

@@ -153,7 +153,7 @@ class OtherCommanders:
         if not self.stations:
             return ""
         names = " and ".join(str(system) for system in sorted(self.stations))
-        return f"; ground station {names} is heard too"
+        return f"; ground station {names} is also connected"
 
     def _report(self, words: str, now: Time, about: str = "") -> None:
         about = about or words

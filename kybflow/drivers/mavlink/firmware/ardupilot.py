@@ -63,12 +63,12 @@ INDOORS = (
     Needed("FS_GCS_ENABLE", 5, "it lands when our heartbeat stops"),
     Needed("FS_GCS_TIMEOUT", 2.0, "it notices within two seconds that our heartbeat stopped",
             rule="at_most"),
-    Needed("SYSID_MYGCS", OWN, "the heartbeat that it waits for is ours"),
+    Needed("SYSID_MYGCS", OWN, "it waits for kybflow's heartbeat"),
     Needed("FS_EKF_ACTION", 1, "it lands when it has lost its position in a mode that needs one",
             {3: "it lands when it has lost its position, in every mode"}),
     Needed("GUID_TIMEOUT", 0.5, "it stops within half a second when accelerations, velocities or"
-            " attitudes stop; a position alone it holds", rule="at_most"),
-    Needed("GUID_OPTIONS", 8, "thrust is thrust, not a climb rate", rule="bits"),
+            " attitudes stop; it holds a position setpoint", rule="at_most"),
+    Needed("GUID_OPTIONS", 8, "thrust values are thrusts, not climb rates", rule="bits"),
 )  # fmt: skip
 
 RENAMED = MappingProxyType({"GPS_TYPE": "GPS1_TYPE", "SYSID_MYGCS": "MAV_GCS_SYSID"})
@@ -95,13 +95,12 @@ DANGERS = (
         "FS_GCS_TIMEOUT", cure="2", above=5.0,
         excess="it would fly on this long without our heartbeat",
     ),
-    Danger("SYSID_MYGCS", others="it waits for another program's heartbeat, not for ours"),
+    Danger("SYSID_MYGCS", others="it waits for another program's heartbeat, not for kybflow's"),
     Danger(
         "FS_EKF_ACTION",
         {
             0: "without a position it would fly on",
-            2: "without a position it would take its climb from a throttle stick, and fall where"
-            " there is none",
+            2: "without a position it would follow a throttle stick, and fall without one",
         },
         "1 (land)",
     ),

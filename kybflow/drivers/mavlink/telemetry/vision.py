@@ -75,7 +75,7 @@ class ExternalVision:
 DRIFT_TIME_S = 1.0
 """The time constant with which the drift is learnt, seconds."""
 MAX_DRIFT = 0.5
-"""A greater distance, metres, is no drift; the preflight or a supervisor reports it."""
+"""A greater distance, metres, is not drift; the preflight or a supervisor reports it."""
 OLDEST_OWN: Time = NS // 2
 """A position of the autopilot that is older is ignored. It also bounds how much is learnt after a
 longer gap, so that setpoints don't jump."""
