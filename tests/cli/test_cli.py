@@ -333,7 +333,7 @@ def test_an_earlier_run_is_not_replaced(tmp_path: Path) -> None:
     summary = (tmp_path / "summary.json").read_bytes()
     again = invoke(*words)
     assert again.exit_code == 2
-    assert "holds an earlier run; name another folder, or remove it" in again.output
+    assert "contains an earlier run; name another folder, or remove it" in again.output
     assert (tmp_path / "summary.json").read_bytes() == summary
 
 

@@ -114,7 +114,7 @@ def test_whatever_arrives_is_a_request_or_refused_in_short(line: bytes) -> None:
         (b'{"id": 7, "command": "stpo"}', "there is no command `stpo`; did you mean `stop`?", 7),
         (b'{"id": 7, "command": "switch mk"}', "`switch` is written `switch VEHICLE", 7),
         (b'{"id": 7, "ask": "land"}', "`ask` is neither `state` nor `watch`", 7),
-        (b'{"id": 7, "name": "  "}', f"a name has 1 to {LONGEST_NAME} letters", 7),
+        (b'{"id": 7, "name": "  "}', f"a name has 1 to {LONGEST_NAME} characters", 7),
     ],
 )
 def test_what_is_no_request_is_refused(line: bytes, reason: str, number: int | None) -> None:

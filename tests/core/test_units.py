@@ -56,7 +56,7 @@ def test_quantities_are_read_in_si(value, text, dimension):
         ("1 ,5 m", LENGTH, "`1 ,5 m` is not a length", "write `1.5 m`"),
         ("- 1 m", LENGTH, "`- 1 m` is not a length", "write `-1 m`"),
         ("\u22121 m", LENGTH, "is not a length", "write `-1 m`"),
-        ("1\u00a0m", LENGTH, "has another keyboard's characters", "write `1 m`"),
+        ("1\u00a0m", LENGTH, "has characters of another script", "write `1 m`"),
         ("\uff11 m", LENGTH, "is not a length", "write `1 m`"),
     ],
 )

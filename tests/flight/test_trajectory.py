@@ -68,7 +68,7 @@ def refusal(text: str) -> tuple[str, int]:
         ),
         (
             "t, x, y, z, vx, vy, vz\n0,0,0,1,0,0,0\n1,0.5,0,1,50,0,0\n2,1,0,1,0,0,0\n",
-            "from the row before it moves 0.5 m/s, but says 25 m/s",
+            "from the row before it moves 0.5 m/s, but its velocity is 25 m/s",
             3,
         ),
     ],

@@ -130,7 +130,7 @@ def read_packet(data: bytes) -> Packet:
     while at + _OPTION.size <= len(data):
         tag, size = _OPTION.unpack_from(data, at)
         if size < _OPTION.size or at + size > len(data):
-            raise Malformed("an option that is longer than the datagram")
+            raise Malformed("an option that extends beyond the datagram")
         if tag == CHECKSUM:
             if size != _OPTION.size + _SUM.size:
                 raise Malformed("a checksum of another size")

@@ -193,7 +193,7 @@ def test_a_server_that_speaks_something_else_is_told_apart() -> None:
         stream, _ = door.accept()
         with stream:
             stream.sendall(b"220 mail.example ESMTP ready\r\n")
-            until(lambda: "no VRPN" in (reader.trouble() or "").partition(": ")[2], "the refusal")
+            until(lambda: "not VRPN" in (reader.trouble() or "").partition(": ")[2], "the refusal")
         assert reader.trouble() is not None
         assert "the peer began with b'220 mail.example'" in str(reader.trouble())
         reader.close()
