@@ -66,8 +66,8 @@ class FilePath(str):
 
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file completely or not at all: the data goes to a file beside it, which then takes
-    its place, so that nobody reads half of it. If writing fails, a previous file stays. A device or
-    a pipe is written to directly. Raises OSError."""
+    its place, so that no reader sees half of it. If writing fails, a previous file stays. A device
+    or a pipe is written to directly. Raises OSError."""
     whole = path.resolve()
     if whole.exists() and not whole.is_file():
         path.write_bytes(data)

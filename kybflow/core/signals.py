@@ -131,7 +131,7 @@ class Position(NamedTuple):
 
 class Payload(NamedTuple):
     """The vehicle's report of its payload. is_open: whether the servo that holds the payload is
-    open. aboard: whether the payload is on board, None if the vehicle can't tell. It is sent when
+    open. aboard: whether the payload is on board, None if the vehicle doesn't know. It is sent when
     either value changes, so it acknowledges that the servo moved."""
 
     time: Stamp
@@ -447,7 +447,7 @@ class WrongFrame(NamedTuple):
 
 
 class Tick(NamedTuple):
-    """What a vehicle's parts see in one tick.
+    """The input of a vehicle's parts in one tick.
 
     now: the tick's time. dt: seconds since the vehicle's last tick. elapsed: seconds since the
     behavior was entered. fleet: every vehicle's estimate by name, frozen before any behavior runs;
@@ -457,7 +457,7 @@ class Tick(NamedTuple):
     round-trip time to the vehicle in seconds, zero while unknown. payload: where the payload is,
     None while unknown. inputs: the readings of the mission's inputs. neighbours: what the vehicles
     have published in earlier ticks. moving: the moving obstacles. wrong_frame: why the frame of the
-    poses is wrong, None while nothing says so.
+    poses is wrong, None while no error is known.
     """
 
     now: Time

@@ -157,8 +157,8 @@ def _parts(vehicle: VehiclePlan, catalog: Catalog) -> dict[str, tuple[tuple[Fiel
 
 
 class Scopes:
-    """The scope of every expression of a plan. Each scope is created once, because it caches what
-    was parsed in it."""
+    """The scope of every expression of a plan. Each scope is created once, because it caches the
+    parsed texts."""
 
     def __init__(self, plan: Plan) -> None:
         vehicles, fleet = plan.vehicles, plan.fleet

@@ -1,5 +1,5 @@
-"""The records of a mission: what it says and means, frozen, in SI. The compiler decodes and checks
-them, `bind` resolves their names, and the runtime sees nothing else of a mission.
+"""The records of a mission: its contents and meaning, frozen, in SI. The compiler decodes and
+checks them, `bind` resolves their names, and the runtime sees nothing else of a mission.
 
 A field with `key(...)` is a key of the language: its schema, text, docs and completion follow from
 that one declaration. A field without `key(...)` is computed by the compiler. Records can be built
@@ -329,7 +329,7 @@ class VehiclePlan(Record):
 
     @functools.cached_property
     def known(self) -> dict[str, Any]:
-        """A cache of what the checks derive from the vehicle."""
+        """A cache of the checks' results about the vehicle."""
         return {}
 
     @property

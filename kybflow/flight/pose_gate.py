@@ -107,9 +107,9 @@ class PoseTrack:
         REACH_TURN + REACH_TURN_RATE t     in attitude.
 
     A pose that no flight explains is a reflection or another error. `AGREEING_POSES` such poses in
-    a row that are consistent with one another are a jump; the track then starts anew at the first
-    of them. (Radar starts tracks in the same way: S. Blackman and R. Popoli, "Design and Analysis
-    of Modern Tracking Systems", 1999, on track confirmation.) Metres, seconds, radians.
+    a row that are consistent with one another are a jump; the track then restarts at the first of
+    them. (Radar starts tracks in the same way: S. Blackman and R. Popoli, "Design and Analysis of
+    Modern Tracking Systems", 1999, on track confirmation.) Metres, seconds, radians.
 
     first, last: the body's first and last pose.
     """

@@ -55,7 +55,10 @@ def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path, names, told)
         (tmp_path / name).write_text("precious", encoding="utf-8")
     with pytest.raises(RunFolderError) as error:
         create_run_folder(PLAN, tmp_path, STARTED)
-    assert str(error.value) == f"`{tmp_path}` contains files that are not of a run ({told}); name another folder"
+    assert (
+        str(error.value)
+        == f"`{tmp_path}` contains files that are not of a run ({told}); name another folder"
+    )
     assert {p.read_text(encoding="utf-8") for p in tmp_path.iterdir()} == {"precious"}
 
 

@@ -133,7 +133,7 @@ def left_the_fence(own: Doing, why: str, by: str, *, is_vertical: bool) -> Diagn
 def failsafe_acted(
     own: Doing, reaction: str, why: str, by: str, others: tuple[str, ...], arrival: Arrival | None
 ) -> Diagnostic:
-    """KYB474: the failsafe takes over although nothing is broken: what the mission does crosses a
+    """KYB474: the failsafe takes over although nothing is broken: the mission itself crosses a
     bound of a supervisor."""
     said = f"the failsafe reacts to `{own.state}` of `{own.vehicle}` with `{reaction}` {own.when}"
     notes = (*others, *((f"the bound: {by}",) if by else ()))

@@ -330,7 +330,7 @@ class LineCapacity:
         self._head = FRAME_OVERHEAD + (0 if params.key is None else SIGNATURE_BYTES)
 
     def fitting(self, rates: Mapping[str, float]) -> dict[str, float]:
-        """Return these stream rates, Hz, slowed to what the line carries."""
+        """Return these stream rates, Hz, reduced to the line's capacity."""
         if self.line is None:
             return dict(rates)
         factor = min(1.0, STREAMS_SHARE * self.line / self._load(rates))

@@ -201,7 +201,7 @@ def unusual(case: Case) -> Iterator[Diagnostic]:
 
 
 class _Doubt(NamedTuple):
-    """An implausible number. name: the thing that has it. span: where it is written."""
+    """An implausible number. name: its owner. span: where it is written."""
 
     name: str
     found: Implausible

@@ -243,7 +243,7 @@ def without_a_fence(case: Case) -> Iterator[Diagnostic]:
     """KYB322: the mission has no fence, so neither the supervisor nor the processor `fence`
     protects a flying vehicle. It is reported once, for the first one.
 
-    A fence is also useful outdoors: it tells the failsafe when to land.
+    A fence is also useful outdoors: outside it the failsafe lands the vehicle.
     """
     if case.plan.fence is not None:
         return

@@ -376,7 +376,7 @@ def _fitting(value: Node, known: Iterable[Field]) -> Iterator[str]:
 
 
 def how_to_write(field: Field) -> str:
-    """Return the hint that shows how to write a parameter, and what it is."""
+    """Return the hint that shows how to write a parameter, and its description."""
     about = field.help.split(". ")[0].rstrip(".")
     example = example_of(field.type) if isinstance(field.type, Numbers) else "..."
     how = f"write `{field.key}: {example}`"

@@ -92,7 +92,7 @@ class _Stop(NamedTuple):
 
     @property
     def sign(self) -> str:
-        """The first character of what the parser was reading."""
+        """The first character of the value that the parser was reading."""
         if self.began is None:
             return ""
         row, column = self.began

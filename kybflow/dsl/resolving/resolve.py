@@ -122,8 +122,8 @@ def _flows(exports: Exports, room: int, found: Findings) -> Mapping | None:
 
 
 def _left(room: int, whole: Mapping, entry: MappingEntry, found: Findings) -> int:
-    """Return what is left of `room`, a number of values, after the entry that was resolved to
-    `whole`; report KYB126 if nothing is left."""
+    """Return the rest of `room`, a number of values, after the entry that was resolved to `whole`;
+    report KYB126 if nothing is left."""
     left = room - count(whole, room)
     if left <= 0:
         message = (

@@ -110,8 +110,8 @@ class Keeping(NamedTuple):
 class Avoidance:
     """The barriers of one vehicle.
 
-    nearby: finds what the vehicle keeps away from. detour: leads the vehicle around what blocks its
-    way; None to stop there.
+    nearby: finds the obstacles and vehicles to keep away from. detour: leads the vehicle around
+    what blocks its way; None to stop there.
     """
 
     def __init__(self, airframe: Airframe, nearby: Nearby, detour: Detour | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Trace a horizontal figure eight around the position of entry, and stop where it began.
+"""Trace a horizontal figure eight around the position of entry, and stop at its start.
 
     p = e sin theta + n sin 2 theta        (Lissajous 1:2; TeleKyb paper, ECMR 2013, fig. 5)
 

@@ -24,7 +24,7 @@ follows then needs no height.
 It does not land on another vehicle (`kybflow.flight.landing_place`): the descent pauses while one
 is below. Without a `position` it moves to a free place beside that vehicle; with one it waits for
 `patience` and then fails. Without a `position` it does not land on the edge of an obstacle of the
-world either: it moves to a free place beside it. Where there is none it says so, waits for
+world either: it moves to a free place beside it. Without a free place it reports this, waits for
 `patience` and then descends, because the edge won't go away and a landing must end on the ground.
 
 If the vehicle is already on the ground, the behavior ends at once. Its last setpoint is IDLE. A

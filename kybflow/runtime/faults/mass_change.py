@@ -1,7 +1,7 @@
 """The vehicle's mass changes in flight, because it picks something up or drops it.
 
 The new mass is factor x the body's mass + added, at the centre of mass; the moments of inertia
-change by the same factor as the mass. The controller is not told.
+change by the same factor as the mass. The controller does not know the change.
 """
 
 from __future__ import annotations

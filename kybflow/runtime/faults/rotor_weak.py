@@ -1,7 +1,7 @@
 """One rotor gives less thrust than commanded.
 
 This simulates a chipped blade or a worn motor: the rotor's thrust, drag torque and largest thrust
-are reduced to the fraction `left`. The controller is not told.
+are reduced to the fraction `left`. The controller does not know the change.
 """
 
 from __future__ import annotations

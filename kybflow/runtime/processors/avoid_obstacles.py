@@ -1,4 +1,4 @@
-"""Keep away from obstacles and from other vehicles, and go round what is in the way.
+"""Keep away from obstacles and other vehicles, and fly around them.
 
 A control-barrier filter (Wang, Ames, Egerstedt: Safety Barrier Certificates for Collisions-Free
 Multirobot Systems, T-RO 2017) changes the acceleration of the setpoint as little as keeps `keep`

@@ -1,4 +1,4 @@
-"""Keep the speed of the setpoint under a limit; follow behind where it asks for more.
+"""Keep the speed of the setpoint under a limit; lag behind it at higher speeds.
 
 A trajectory within the limit passes unchanged, bit for bit. One that accelerates towards the limit
 is bent shortly before, and may exceed it by 2 % while its acceleration ends. One that is faster, or

@@ -1,4 +1,4 @@
-"""Stop before the world's obstacles, whatever the behavior wants.
+"""Stop before the world's obstacles, whatever the behavior requests.
 
 Every vehicle has it unless its mission lists its own processors (`library/defaults.yaml`). The
 setpoint brakes with `braking`, so that the rotors stay `keep` away from each obstacle: if it heads

@@ -1,4 +1,4 @@
-"""Report a vehicle that lies on the ground while it should fly.
+"""Report a vehicle that is on the ground while it should fly.
 
 Alarm `ground_touched` when all of this has been true for half a second: the vehicle has flown (more
 than 15 cm above where it last stood); it is within 5 cm of that height, or below it; it climbs or

@@ -7,7 +7,7 @@ its `age` has increased), its position is compared with the extrapolation of the
 second part of which a change of motion can explain (a = 5 m/s^2, as in `kybflow.flight.pose_gate`).
 This is the flying courier's check of position differences, made independent of the vehicle's own
 motion, so that a gap in the measurements is not a jump. The alarm lasts 1 s. After a change of the
-estimator the check starts anew. World frame, metres.
+estimator the check restarts. World frame, metres.
 
 The default reaction is `land_blind`, because it is unknown which of the two positions is wrong.
 """

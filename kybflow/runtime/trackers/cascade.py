@@ -17,7 +17,7 @@ that it pulls back along every direction. D and I stay the same along each.
 Attitude and thrust give the specific force a + g (`kybflow.flight.steering`: limits, mass, the
 on-board attitude's error). The jerk turns it at the rate z x jerk / |a + g|, fed forward as body
 rates (Mellinger and Kumar, ICRA 2011, eq. 11). While tilt or thrust is limited, on the ground, and
-in steps longer than 40 ms, the integral stands still.
+in steps longer than 40 ms, the integral is frozen.
 """
 
 from __future__ import annotations

@@ -14,8 +14,8 @@ the law of `cascade` with gains for a vehicle that responds later,
 
 where D is `damping`, K `stiffness`, and drag acts horizontally; a VELOCITY setpoint has no K term,
 and leaves the integral as it is. The integral acts along all three axes, 1.5 times as fast along z,
-because the mass is not estimated here; it stands still on the ground, at a limit and in steps
-longer than 40 ms. An autopilot that integrates accelerations to a height and holds that height
+because the mass is not estimated here; it is frozen on the ground, at a limit and in steps longer
+than 40 ms. An autopilot that integrates accelerations to a height and holds that height
 (`keeps_height`) needs no integral along z, and responds too late for a fast loop: D is then halved
 and K divided by four along z. The on-board attitude lags the command and has the error of its own
 filter. In the air, `tilt` times the horizontal acceleration that the estimated attitude lacks is

@@ -6,8 +6,8 @@ The commanded horizontal acceleration, with e = p_des - p, world frame, is
 
 and the tilt is that of the direction (a, g). The jerk leads by t, the delay of the loop on board
 and of the way there. P, D and I follow from that loop where they are not given, as those of
-`geometric` do (`kybflow.flight.loops.position_loop`); the integral stands still on the ground, at
-its limit and where the tilt is limited. Vertically and about the vertical
+`geometric` do (`kybflow.flight.loops.position_loop`); the integral is frozen on the ground, at its
+limit and while the tilt is limited. Vertically and about the vertical
 
     climb = v_des + T a_des + `height` e,    turn = heading rate + `heading` (heading_des - heading)
 

@@ -1,7 +1,7 @@
 """Turns a behavior's output into a command: setpoint ─► processors ─► tracker ─► command.
 
-Processors and tracker are constructed anew for each take-off, so that they keep no state from the
-previous flight.
+New processors and a new tracker are constructed for each take-off, so that they keep no state from
+the previous flight.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ class Control:
         self.renew()
 
     def renew(self) -> None:
-        """Construct the processors and the tracker anew."""
+        """Construct new processors and a new tracker."""
         params, context = self._params, self._context
         processors: dict[str, Processor[Any]] = {
             part.label: make(part, params[part.label], context) for part in self._plan.processors

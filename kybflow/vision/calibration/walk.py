@@ -5,10 +5,10 @@ and the sharpest frame of each section is used. The times of a video count from 
 time of an image is the number of seconds at the start of its name.
 
 First the tags are detected in each frame without using their positions in the map, so that
-displaced tags are found too, and corrections are computed from these corners, which are accurate to
-half a pixel. Then every tag is searched for where the corrections predict it, to a few hundredths
-of a pixel, and the corrections are computed again. The correction of the mount requires the body's
-pose, from its start position in the first frame or from motion capture.
+displaced tags are also found, and corrections are computed from these corners, which are accurate
+to half a pixel. Then every tag is searched for where the corrections predict it, to a few
+hundredths of a pixel, and the corrections are computed again. The correction of the mount requires
+the body's pose, from its start position in the first frame or from motion capture.
 """
 
 from __future__ import annotations

@@ -61,9 +61,8 @@ class Wire(ABC):
 class MemoryWire(Wire):
     """One end of a pair within this process: bytes arrive at the other end in order, at once.
 
-    deaf, mute: set by injected faults; what arrives, or what is sent, is lost.
-    late: the delay of bytes to this end, nanoseconds, set by a fault. When it returns to zero,
-    delayed bytes are lost."""
+    deaf, mute: set by injected faults; received or sent data are lost. late: the delay of bytes to
+    this end, nanoseconds, set by a fault. When it returns to zero, delayed bytes are lost."""
 
     other: MemoryWire
     late: Time = 0
