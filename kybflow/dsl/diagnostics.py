@@ -71,8 +71,8 @@ class Span(NamedTuple):
         return self.file == around.file and begins and ends
 
     def beside(self, other: Span) -> str:
-        """Return the location for a report about `other`: its line, with the file if that
-        differs."""
+        """Return the location as shown in a report about `other`: the line, preceded by the file if
+        it is another one."""
         return f"line {self.line}" if self.file == other.file else self.at
 
 

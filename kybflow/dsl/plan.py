@@ -641,7 +641,9 @@ class PhasePlan(Record):
         "or `in_turns`, each after the previous one has arrived.",
         default=None,
     )
-    next: Ways = key("Ways out, asked from the top in every tick; `end` ends the flow.", default=())
+    next: Ways = key(
+        "Transitions, evaluated from the top in every tick; `end` ends the flow.", default=()
+    )
     within: Duration | None = key(
         "Largest duration of the phase, after which `otherwise` follows.", default=None, above=0.0
     )
@@ -735,8 +737,8 @@ class ImportKeys(Record):
     """A library, by its file."""
 
     file: str = key(
-        "The library: of an installed package, `kybflow/stacks`, or a file beside this one,"
-        " `library/lab.yaml`.",
+        "The library: one of an installed package, such as `kybflow/stacks`, or a file near this "
+        "one, such as `library/lab.yaml`.",
         key="from",
     )
     values: Annotated[Any, AnyOf("value", kinds=("object",))] = key(

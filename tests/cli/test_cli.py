@@ -371,7 +371,7 @@ def test_show_tells_groups_flows_callbacks_faults_and_world() -> None:
     formation = invoke("show", str(ROOT / "missions" / "formation.yaml")).output
     assert "world\n  fence from [-3, -3, 0] m to [3, 3, 2.5] m\n" in formation
     assert "groups\n  swarm: a, b, c, d\n" in formation
-    assert "flow solo (drives what it is given; begins with leave)\n" in formation
+    assert "flow solo (drives given vehicles; begins with leave)\n" in formation
     assert "others: turn; give d to solo (event solo.finished: again)\n" in formation
     steered = invoke("show", str(ROOT / "missions" / "joystick.yaml")).output
     assert "stick: script (a is take; b is give; y is land; dead man: right_shoulder)" in steered

@@ -122,8 +122,9 @@ def landed_hard(own: Doing, speed: float) -> Diagnostic:
 
 
 def left_the_fence(own: Doing, why: str, by: str, *, is_vertical: bool) -> Diagnostic:
-    """KYB473: a behavior leads a vehicle out of the fence, or to where a processor lets no setpoint
-    go. For a take-off or a landing, which continues as far as the bound allows, it is a warning."""
+    """KYB473: a behavior leads a vehicle out of the fence, or to a place that a processor keeps
+    setpoints from. For a take-off or a landing, which continues as far as the bound allows, it is a
+    warning."""
     said = f"`{own.state}` ({own.part}) leads `{own.vehicle}` out of bounds {own.when}"
     notes = (f"the bound: {by}",) if by else ()
     hint = "keep its path inside the fence and clear of obstacles"

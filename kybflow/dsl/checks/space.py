@@ -83,8 +83,8 @@ def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
 
 
 def held_back(case: Case) -> Iterator[Diagnostic]:
-    """KYB320: a behavior stays inside the fence but flies to where a processor lets no setpoint
-    go."""
+    """KYB320: a behavior stays inside the fence, but a processor keeps its setpoint from the
+    goal."""
     fence = case.plan.fence
     if fence is None:
         return

@@ -210,7 +210,7 @@ class Chains:
         for other in use.around:
             if other.exports is use.exports and other.do.text == use.do.text:
                 names = " uses ".join(f"`{u.do.text}`" for u in (*use.around, use))
-                message = f"{names[:200]}: this never ends"
+                message = f"{names[:200]}, in a cycle"
                 hint = "remove one of these uses"
                 self._found.report("KYB160", message, use.do.span, help=hint)
                 return True

@@ -151,7 +151,7 @@ class Exports:
         if key in self._open or len(self._open) > _MAX_CHAIN:
             verb = "has" if section == "stacks" else "is like"
             chain = f" {verb} ".join(f"`{n}`" for _, n in (*self._open, key))
-            message, hint = f"{chain[:200]}: this never ends", "remove one of these uses"
+            message, hint = f"{chain[:200]}, in a cycle", "remove one of these uses"
             self._found.report("KYB125", message, name.span, help=hint)
             return None
         library, _, inner = name.text.rpartition(".")

@@ -164,8 +164,8 @@ class Filter:
         return Bounds(gate, p.widest_gate + beside, p.settled, p.doubt)
 
     def _begin(self, fix: Fix, flown: Estimate | None, velocity: Vec3 | None = None) -> None:
-        """Start at a measurement. velocity: the velocity that poses show after they contradicted
-        the filter's state, in which case the IMU's biases may be wrong; else None."""
+        """Start from a measurement. velocity: the velocity of poses that contradicted the filter's
+        state, possibly because of wrong IMU biases; None at other starts."""
         nominal, unknown = self._replay.nominal, self._unknown
         if velocity is not None:
             unknown = unknown._replace(

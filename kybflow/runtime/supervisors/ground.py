@@ -78,9 +78,8 @@ class Ground(Supervisor[GroundParams]):
         return Alarm("ground_touched", reaction, reason, is_failure=True)
 
     def _leaves(self, setpoint: Setpoint | None, estimate: Estimate) -> bool:
-        """Return whether the setpoint of a vehicle that has flown is not on the ground where the
-        vehicle lies: it is too far above or below, climbs, or is at ground level without a
-        landing."""
+        """Return whether a vehicle that has flown should not be on the ground: its setpoint is too
+        far above or below it, climbs, or is at ground level without a landing."""
         if setpoint is None or not self._has_flown:
             return False
         climb = 0.0 if setpoint.velocity is None else setpoint.velocity[2]

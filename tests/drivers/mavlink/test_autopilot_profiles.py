@@ -120,7 +120,7 @@ DANGEROUS = [
         (
             PX4, {"NAV_DLL_ACT": value}, False,
             f"NAV_DLL_ACT is {value:g}: without our heartbeat its rotors would stop in the air;"
-            " set 3 (land), or 0 (nothing: lost setpoints count)",
+            " set 3 (land), or 0 (nothing; the loss of setpoints then acts)",
         )
         for value in (5.0, 6.0)
     ),

@@ -164,7 +164,8 @@ class OtherCommanders:
 
 
 def _target(message: Message) -> _Target | None:
-    """Return the controlling field of a target; None if it has none, as a target of attitude."""
+    """Return the field that controls a target: position, velocity or acceleration; None if there is
+    none, such as for an attitude target."""
     mask = getattr(message, "type_mask", None)
     if mask is None or not hasattr(message, "vx"):
         return None

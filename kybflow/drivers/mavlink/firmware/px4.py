@@ -84,7 +84,7 @@ _GIVEN_UP = {
     " return"
     for value, mode in ((0, "POSITION"), (1, "ALTITUDE"), (2, "STABILIZED"))
 }
-_NO_HEARTBEAT = "3 (land), or 0 (nothing: lost setpoints count)"
+_NO_HEARTBEAT = "3 (land), or 0 (nothing; the loss of setpoints then acts)"
 DANGERS = (
     Danger(
         "COM_OBL_RC_ACT",

@@ -108,8 +108,8 @@ def command_long(target: tuple[int, int], command: int, *params: float, again: i
 
 def vision(estimate: Estimate, *, stamp_us: int, resets: int) -> Message:
     """Return an ODOMETRY message of kybflow's estimate; kybflow's world becomes the autopilot's own
-    frame. stamp_us: when the estimate was true, in the vehicle's time, us. resets: how often it has
-    jumped."""
+    frame. stamp_us: the time of the estimate by the vehicle's clock, us. resets: how often the
+    estimate has jumped."""
     body = conjugate(estimate.attitude)
     return ODOMETRY.of(
         stamp_us, *to_ned(estimate.position), *attitude_to_ned(estimate.attitude),
