@@ -366,7 +366,7 @@ def test_a_behavior_that_fails_or_takes_too_long(tmp_path: Path) -> None:
     [fails] = rehearsed(once, tmp_path).diagnostics
 
     assert late.code == "KYB476"
-    assert late.message.startswith("`up` of `a` is not done within its time of 4.7 s, at 4.8 s")
+    assert late.message.startswith("`up` of `a` is not done within its limit of 4.7 s, at 4.8 s")
     assert fails.code == "KYB475"
     assert fails.message.startswith("`own` (release_payload) of `a` fails at ")
     assert fails.label == "no payload is on board"

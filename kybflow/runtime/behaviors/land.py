@@ -161,8 +161,8 @@ class Land(
         return setpoint
 
     def _below(self, tick: Tick, own: Vec3) -> Below | None:
-        """Return what is below and bars the descent, or None. Without a `position`, choose a new
-        goal beside it."""
+        """Return the vehicle or edge below that prevents the descent, or None. Without a
+        `position`, choose a new goal beside it."""
         if tick.elapsed >= self._look:
             self._look = tick.elapsed + _LOOK_PERIOD_S
             below = what_is_below(self._context, own, tick.fleet)

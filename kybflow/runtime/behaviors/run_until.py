@@ -1,6 +1,6 @@
 """Fly on with a constant velocity until a condition, a distance or a time ends it.
 
-For looking for something whose place is not known: "go east until the tag is seen". The condition
+Use it to search for something at an unknown place: "go east until the tag is seen". The condition
 is a `next` of the mission; the behavior itself ends smoothly at `at_most` or after `for_time`,
 whichever comes first, so that a condition that never comes true ends it too:
 

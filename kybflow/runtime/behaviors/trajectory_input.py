@@ -7,8 +7,8 @@ velocity and acceleration of both; to the first point it starts from its current
 first point it rests at the position of entry.
 
 A velocity or acceleration that a point lacks is fitted when the vehicle sets out for the point, by
-the splines of `follow_trajectory` through the points that have come by then, up to eight. The last
-of these is passed with the speed of the curve if it is less than half a second after the one
+the splines of `follow_trajectory` through the points that have arrived by then, up to eight. The
+last of these is passed with the speed of the curve if it is less than half a second after the one
 before, as in a stream, and is otherwise reached at rest; to stop at the end of a stream, give its
 last point the velocity zero.
 
@@ -34,8 +34,8 @@ from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
 _MOST_POINTS = 2000
 _FITTED, _STREAMED = 8, 0.5
-"""Largest number of points to come through which a curve is fitted, and the time between the last
-two, s, below which more are expected."""
+"""Largest number of future points to which a curve is fitted, and the time between the last two, s,
+below which more are expected."""
 _SPEED_FACTOR = 1.05
 """Largest mean speed to a point, as a multiple of the airframe's speed."""
 

@@ -1,4 +1,4 @@
-"""The frame of motion capture is not the declared one: another unit, other axes, a turned body.
+"""The frame of motion capture is not the declared one: another unit, other axes, a rotated body.
 
 A pose becomes, in this order,
 

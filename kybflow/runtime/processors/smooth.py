@@ -1,4 +1,4 @@
-"""Take the steps out of setpoints: a jump becomes a smooth path to its end.
+"""Smooth the steps of setpoints: a jump becomes a smooth path to its end.
 
 A setpoint without a step passes unchanged, bit for bit, without any lag. A step relative to the
 extrapolation of the last setpoint, in position, velocity or acceleration, is stored as an error

@@ -1,4 +1,4 @@
-"""Report a battery that runs low, a warning first, then a landing; and one that reports no more.
+"""Report a battery that runs low, first with a warning, then with a landing, or stops reporting.
 
 Alarm `battery_low` with WARN below `warn_below`, and in the air with `reaction` (a landing by
 default) below `land_below`; on the ground there is only the warning. Each stays until the charge is

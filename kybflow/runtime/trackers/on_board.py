@@ -1,4 +1,4 @@
-"""The vehicle's own controllers follow the setpoint: an autopilot flies, as it was tuned.
+"""The vehicle's own controllers follow the setpoint: an autopilot flies with its own tuning.
 
 `by` selects the kind of setpoint that the on-board controller receives, in the world frame.
 `position`: each setpoint unchanged, with its velocity and acceleration to feed forward. `velocity`:

@@ -10,7 +10,7 @@ The position error moves the wanted velocity by no more than `correction`, so th
 from its setpoint comes back at a bounded speed; `cascade`, whose position error acts on the
 acceleration, comes back as fast as the tilt lets it. The integral is horizontal and compensates
 velocity errors, such as those from wind; it is kept when the kind of setpoint changes. Vertically
-the estimated mass does its work. TeleKyb's standard tracker has 7.5 for D in its velocity mode.
+the estimated mass replaces it. TeleKyb's standard tracker has 7.5 for D in its velocity mode.
 
 Attitude, thrust and limits: `kybflow.flight.steering`. The jerk is fed forward as body rates,
 z x jerk / |a + g|.

@@ -1,4 +1,4 @@
-"""Fly in formation: each member keeps its distances to the others, which publish where they are.
+"""Fly in formation: each member keeps its distances to the others, which publish their positions.
 
 The members of the group that run this behavior meet first: each comes to rest and publishes its
 position. When all are there, each computes from the same messages how the shape is laid out and who
