@@ -21,7 +21,7 @@ It begins at the velocity of the last setpoint if that was within 0.3 m of the l
 at that of the last estimate; if the frame of the estimate is wrong (`mocap_frame`), at the velocity
 by the IMU. The horizontal velocity is braked first, as hard as the airframe's largest tilt allows,
 by a model of the vehicle (`kybflow.flight.descent.BlindBrake`) in the vehicle's heading. A bump
-against a wall or another vehicle is not taken for the floor.
+against a wall or another vehicle is not mistaken for the floor.
 
 If nothing has arrived from the vehicle for 0.25 s, no command is sent either: the vehicle lands by
 its own watchdog, which the preflight has checked and which reads the IMU.

@@ -1,6 +1,5 @@
-"""What `mocap` learns from an IMU: by which angle the body is rotated on its vehicle, which
-disturbance accelerates the vehicle (`FeltForce`), and how much too late poses are stamped
-(`StampOffset`).
+"""Estimates from an IMU, for `mocap`: the rotation of the body on its vehicle, the disturbance that
+accelerates the vehicle (`FeltForce`), and the delay of the poses' stamps (`StampOffset`).
 """
 
 from __future__ import annotations

@@ -2,15 +2,15 @@
 
 The filter is `kybflow.flight.tracked_pose`.
 
-A pose is dropped if its stamp is not newer than the last one's, or if it is invalid, as that of a
-lost body (not finite, or no rotation). After a gap longer than `gap` the filter starts again, and
-there is no estimate until `samples` poses have arrived. spread: running standard deviation of the
-innovation along an axis, metres.
+A pose is dropped if its stamp is not newer than the last one's, or if it is invalid, like that of a
+lost body (not finite, or not a rotation). After a gap longer than `gap` the filter starts again,
+and there is no estimate until `samples` poses have arrived. spread: running standard deviation of
+the innovation along an axis, metres.
 
 A pose that the vehicle can't have reached by flight is dropped as well (two bodies were exchanged,
-or a reflection was taken for a marker), so that the estimate ages and is no longer healthy. If the
-vehicle can have reached such poses, and they agree for 0.3 s, the poses are right and the state is
-wrong: the filter starts again from them (`kybflow.flight.pose_gate`).
+or a reflection was mistaken for a marker), so that the estimate ages and is no longer healthy. If
+the vehicle can have reached such poses, and they agree for 0.3 s, the poses are right and the state
+is wrong: the filter starts again from them (`kybflow.flight.pose_gate`).
 
 If IMU samples arrive at 125 Hz or more, which a tracker may request, they are used to estimate how
 the body of motion capture is rotated relative to the vehicle, which disturbance accelerates the

@@ -1,4 +1,4 @@
-"""State from printed tags that the vehicle's cameras see, frame by frame, predicted to now.
+"""State from printed tags in camera images, frame by frame, predicted to now.
 
 Each frame gives the pose of the body (`kybflow.vision.locating.locator`). Tags are searched for
 where the last poses predict them, at first where the vehicle starts. The poses give the motion

@@ -1,4 +1,5 @@
-"""Everything a vehicle knows: measurements of its link and sensors ─► monitors ─► estimate.
+"""Stores everything that a vehicle knows: measurements of its link and sensors ─► monitors ─►
+estimate.
 
 This module only receives; `LinkOut` sends.
 """

@@ -113,7 +113,7 @@ class ArmingWatch:
 
     def _has_fallen(self, tick: Tick) -> bool:
         """Return whether the vehicle, whose rotors rest, falls or fell within the last
-        `REPORT_LAG_NS`, and the reaction to that changed anything."""
+        `REPORT_LAG_NS`, and whether the reaction to that changed anything."""
         known = tick.estimate
         if known is not None and known.velocity[2] < -FALLING_SPEED:
             self._note_fall(tick)

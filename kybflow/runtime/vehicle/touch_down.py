@@ -1,4 +1,4 @@
-"""Whether a vehicle may take off where it is, and whether it has touched down."""
+"""Checks whether a vehicle may take off at its position, and whether it has touched down."""
 
 from __future__ import annotations
 
