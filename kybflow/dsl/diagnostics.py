@@ -1,4 +1,4 @@
-"""Diagnostics: the spans of text that they mark, what they say, and their rendering for people and
+"""Diagnostics: the spans of text that they mark, their messages, and their rendering for people and
 programs.
 
 A diagnostic is a value: a code, one short sentence, a span, notes and one hint. A span says where a
@@ -209,7 +209,7 @@ class Findings:
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Return each finding once, sorted by location. Of equal findings from several uses of a chain,
+    """Return each finding once, sorted by location. If several uses of a chain have equal findings,
     the first is kept."""
     first: dict[tuple[object, ...], Diagnostic] = {}
     for diagnostic in diagnostics:

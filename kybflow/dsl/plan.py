@@ -4,7 +4,7 @@ checks them, `bind` resolves their names, and the runtime sees nothing else of a
 A field with `key(...)` is a key of the language: its schema, text, docs and completion follow from
 that one declaration. A field without `key(...)` is computed by the compiler. Records can be built
 in a test without YAML. `at` is always the `file:line` from which a value came, for events and
-reports; it is empty for what the language adds.
+reports; it is empty for values that the language adds.
 """
 
 from __future__ import annotations
@@ -77,14 +77,15 @@ class PartPlan(Record):
 
 @record("transition", is_whole=True, terse=True)
 class TransitionPlan(Record):
-    """One way out of a behavior: all of `when`, `event` and `after` that are written must hold.
+    """A transition out of a behavior: all of `when`, `event` and `after` that are given must be
+    met.
 
     cause: when the transition fires. `next` fires when everything written holds: `when` has held
     for `hold` seconds, `event` was emitted, and `after` seconds have passed in the state. `then`
     fires when the behavior is done, `failed` when it failed, and `within` after `after` seconds.
     implied: whether the language added the transition. since: the chain from whose entry `after`
     counts, or empty for the state; in a phase, the flow that declares this transition for all its
-    phases. enters: the chain that the transition enters anew, or empty. emit: the event that is
+    phases. enters: the chain that the transition re-enters, or empty. emit: the event that is
     emitted when the transition is taken.
     """
 
@@ -132,7 +133,7 @@ _FAILED, _WITHIN = (
 
 @record("behavior")
 class StatePlan(Record):
-    """One state: what the vehicle does, and where it goes from there.
+    """One state: the vehicle's behavior, and the transitions that leave it.
 
     transitions: evaluated in order. estimators: they precede the vehicle's other estimators, in
     this order, while the state is active.
@@ -614,7 +615,8 @@ Arrive = Literal["together", "in_turns"]
 
 @record("phase")
 class PhasePlan(Record):
-    """A step of a flow: what begins together, and the ways out. A phase without any is the last.
+    """A step of a flow: the requests that begin together, and the transitions. A phase without
+    transitions is the last one.
 
     On entry a phase gives vehicles to other flows, sets options and requests states of vehicles.
     transitions: evaluated as in a state: `next` from the top, then `within`; the target `end` ends
@@ -656,7 +658,7 @@ class PhasePlan(Record):
 
 @record("flow", is_whole=True, like=f"Start from this flow: {MERGES}", block=True)
 class FlowPlan(Record):
-    """Phases over several vehicles; a vehicle is driven by one flow at a time.
+    """Phases over several vehicles; only one flow at a time controls a vehicle.
 
     vehicles: the vehicles that the flow drives from the start. waits: whether the flow begins only
     when it is given a vehicle. The flow's `next` transitions are also included in those of its
@@ -748,7 +750,7 @@ class ImportKeys(Record):
 
 @record("chain", is_whole=True)
 class ChainKeys(Record):
-    """Behaviors that are used as one: `do: chain.NAME`, with its parameters beside it."""
+    """Behaviors that are used like one: `do: chain.NAME`, with its parameters beside it."""
 
     summary: str | None = key("Summary in one line.", default=None)
     parameters: dict[str, ParameterKeys] = key(
@@ -808,7 +810,7 @@ class Library(Shared):
 
 @record("mission", is_whole=True, leading=("kybflow", "mission"), block=True)
 class Plan(Shared):
-    """A kybflow mission: what flies, what it trusts, what it does, what is expected of it."""
+    """A kybflow mission: its vehicles with their estimators and behaviors, and the expectations."""
 
     version: Annotated[int, VERSION] = key(
         "Version of the language.", default=1, needed=True, key="kybflow"

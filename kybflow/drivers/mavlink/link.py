@@ -213,7 +213,7 @@ class AutopilotLink(Link):
         return None if truth is None else truth.truth(self._now)
 
     def close(self) -> None:
-        """Restore the default streams. If the vehicle is disarmed and nobody else controls it, also
+        """Restore the default streams. If the vehicle is disarmed and under no other control, also
         restore the mode that it had before the first request."""
         self._keep_alive.close()
         autopilot, before = self.autopilot, self.offboard.modes.before

@@ -79,7 +79,7 @@ class Exports:
         return written
 
     def section(self, section: str) -> Mapping | None:
-        """Return a section that this file itself has, its entries completed by what they are
+        """Return a section that this file itself has, its entries completed by those that they are
         `like`; None if the file has no such section."""
         written = self.root.entries.get(section)
         if written is None:

@@ -1,4 +1,4 @@
-"""Load imports: what each imported file exports, with the values of its own parameters."""
+"""Load imports: the exports of each imported file, with the values of its own parameters."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Arming and disarming.
 
-Arming waits for these conditions in order, checking all of them anew in every tick: setpoints are
+Arming waits for these conditions in order, checking all of them again in every tick: setpoints are
 being sent (if the autopilot requires them before the mode), the autopilot is in the mode in which
 it follows setpoints, it reports itself ready, its rotors are armed, and it has lifted off, by its
 own take-off or by setpoints above the ground. A condition that is lost again is requested again
