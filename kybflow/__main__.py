@@ -7,8 +7,8 @@ from kybflow.core.errors import INTERRUPTED
 
 
 def main() -> None:
-    """The console's entry. Who interrupts it while it is still being imported ends it without a
-    word: there is nothing to undo yet, and a library may take KeyboardInterrupt for a failure."""
+    """The console's entry. An interrupt while kybflow is still being imported ends it silently:
+    there is nothing to undo yet, and a library may take KeyboardInterrupt for a failure."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
     from kybflow.cli.app import main as begin

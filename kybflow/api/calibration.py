@@ -36,7 +36,7 @@ def read_recorded_poses(folder: Path, vehicle: str) -> NDArray[numpy.float64]:
             read_recording(path)[f"/{vehicle}/pose"].decoded(numpy.dtype(dtype_spec(Pose))).values
         )
     except (OSError, ValueError, McapError) as error:
-        raise RunFolderError(f"`{path}` is no recording of a run: {error}") from error
+        raise RunFolderError(f"`{path}` is not a recording of a run: {error}") from error
     rows = numpy.column_stack((poses["time"] / NS, poses["position"], poses["attitude"]))
     kept: NDArray[numpy.float64] = rows[numpy.unique(rows[:, 0], return_index=True)[1]]
     return kept

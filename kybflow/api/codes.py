@@ -139,11 +139,11 @@ _FAMILIES = {
     "Callbacks": (170, 230, 442, 450, 461, 553),
     "Faults": (180, 330, 438),
     "Groups and flows": (190, 240, 436, 443, 454, 462, 520),
-    "That everything comes down": (205, 250),
+    "Every flight ends on the ground": (205, 250),
     "Conditions and expectations": (210, 253, 257, 410, 423),
     "Estimators": (255,),
-    "Data from sensor to rotor": (301, 535),
-    "Where it goes and how fast": (311, 340, 426, 444, 453, 510, 545, 556),
+    "Data from sensors to rotors": (301, 535),
+    "Paths, limits and obstacles": (311, 340, 426, 444, 453, 510, 545, 556),
     "Gains and their margins": (323,),
     "Estimators and failsafe": (360, 416, 439, 446),
     "Files that parts read": (370,),
@@ -256,11 +256,11 @@ def _reports(code: str, report: str) -> str:
 _INTRODUCTION = """\
 # What each check means
 
-Before anything flies, `kybflow validate` proves what can be proven of a mission. A finding has a
-code; `kybflow explain CODE` prints what stands here. Errors keep a mission on the ground; warnings
-say what can't be decided before the flight, or what is most likely a slip.
+`kybflow validate` checks a mission before anything flies. Each finding has a code;
+`kybflow explain CODE` prints its section of this page. Errors keep a mission on the ground.
+Warnings report what can't be decided before the flight, and what is probably a mistake.
 
-This page is made from the checks and from their tests: `kybflow explain --write docs/checks.md`.
+This page is generated from the checks and their tests: `kybflow explain --write docs/checks.md`.
 """
 
 

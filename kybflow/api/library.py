@@ -150,7 +150,7 @@ def scaffold(name: str, origin: str, folder: Path) -> tuple[Path, ...]:
         wanted[schema] = schema_text(load_catalog())
     taken = next((file for file in wanted if file.exists()), None)
     if taken is not None:
-        raise KybflowError(f"`{taken}` is there already; nothing was written")
+        raise KybflowError(f"`{taken}` already exists; nothing was written")
     for file, text in wanted.items():
         _write(file, text)
     return tuple(wanted)
@@ -162,7 +162,7 @@ def _write(path: Path, text: str) -> None:
         with path.open("x", encoding="utf-8") as stream:
             stream.write(text)
     except FileExistsError:
-        raise KybflowError(f"`{path}` is there already; nothing was written") from None
+        raise KybflowError(f"`{path}` already exists; nothing was written") from None
     except OSError as error:
         raise KybflowError(f"`{path}` can't be written: {error.strerror}") from None
 

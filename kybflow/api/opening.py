@@ -1,5 +1,5 @@
-"""Opens and assembles what a plan needs to fly: the sessions of the drivers, the other sensors, a
-clock, the vehicles, the engine and the judge of the values that commands give."""
+"""Opens and assembles everything that a flight needs: the sessions of the drivers, the other
+sensors, a clock, the vehicles, the engine and the judge of the values that commands give."""
 
 from __future__ import annotations
 
@@ -113,12 +113,12 @@ def real_time_part(plan: Plan, again: Mapping[str, str] = NOTHING) -> PartPlan |
 
 def pace_of(plan: Plan, asked: float | None, again: Mapping[str, str] = NOTHING) -> float | None:
     """Return the pace of the simulated clock: real time if a part needs it, otherwise `asked`.
-    Raises DriverError if a part needs real time but another pace was asked for."""
+    Raises DriverError if a part needs real time but another pace was requested."""
     part = real_time_part(plan, again)
     if part is None:
         return asked
     if asked not in (None, 1.0):
-        reason = f"`{part.name}` ({part.at}) works in real time, which the simulation must keep"
+        reason = f"`{part.name}` ({part.at}) works in real time, so the simulation must too"
         raise DriverError(f"{reason}: fly with `--speed 1` or without `--speed`")
     return 1.0
 

@@ -81,5 +81,6 @@ def record_input(
 
 def _no_sticks(vehicle: str) -> None:
     raise DriverError(
-        f"the sticks of `{vehicle}` reach only a run, which records them in its folder `inputs/`"
+        f"the sticks of `{vehicle}` are available only in a run, which records them in its "
+        "folder `inputs/`"
     )

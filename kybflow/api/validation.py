@@ -75,7 +75,7 @@ def findings(result: Result, path: Path) -> list[str]:
     mission is needed."""
     found = render_all(result.diagnostics, result.texts)
     if result.plan is None and result.valid:
-        found.append(f"{path} is a library, no mission")
+        found.append(f"{path} is a library, not a mission")
     return found
 
 

@@ -170,13 +170,13 @@ def find_run(run: str | None) -> Path:
     if len(fitting) == 1:
         return fitting[0]
     if run is not None and not fitting and os.path.isdir(run):
-        raise RunNotFound(f"no run that takes commands flies in `{run}`")
+        raise RunNotFound(f"no run that accepts commands flies in `{run}`")
     names = ", ".join(f"`{_name(path)}`" for path in fitting or flying)
     if fitting:
         raise RunNotFound(f"several runs fly: {names}; name one of them")
     which = "" if run is None else f" called `{run}`"
     others = f"; there is {names}" if flying else ""
-    raise RunNotFound(f"no run{which} flies and takes commands{others}")
+    raise RunNotFound(f"no run{which} flies and accepts commands{others}")
 
 
 def _name(path: Path) -> str:

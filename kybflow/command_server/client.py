@@ -176,7 +176,7 @@ class RunClient:
         try:
             self._channel.sendall(line)
         except TimeoutError:
-            raise RunUnreachable(f"the run reads nothing for {TIMEOUT:g} s") from None
+            raise RunUnreachable(f"the run has read nothing for {TIMEOUT:g} s") from None
         except OSError:
             pass  # the run's last message may say why it hung up
         while (reply := self._read()) is not None:

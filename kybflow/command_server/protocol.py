@@ -147,7 +147,7 @@ def read_request(line: bytes) -> Request:
 def _request(id: int, kind: str, value: str, flagged: bool) -> Request:
     if kind == "name":
         if not 0 < len(value.strip()) <= LONGEST_NAME:
-            raise MessageUnreadable(f"a name has 1 to {LONGEST_NAME} letters", id)
+            raise MessageUnreadable(f"a name has 1 to {LONGEST_NAME} characters", id)
         return Introduction(id, value.strip(), flagged)
     if kind == "ask":
         if value not in _ASKED:
@@ -168,9 +168,9 @@ def read_message(line: bytes) -> dict[str, Any]:
     except MessageUnreadable:
         raise
     except (ValueError, RecursionError):
-        raise MessageUnreadable("the line is no JSON") from None
+        raise MessageUnreadable("the line is not JSON") from None
     if not isinstance(message, dict):
-        raise MessageUnreadable("the line is no JSON object")
+        raise MessageUnreadable("the line is not a JSON object")
     return message
 
 
@@ -182,7 +182,7 @@ def _unique(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, value in pairs:
         if key in found:
-            raise MessageUnreadable(f"{_shown(key)} is there twice")
+            raise MessageUnreadable(f"{_shown(key)} is given twice")
         found[key] = value
     return found
 

@@ -61,10 +61,10 @@ CLOSE_TIME = 0.3
 """Seconds that clients have to read their last messages after the end of the run."""
 
 UNREADABLE = "messages that can't be read"
-CUT_OFF = "clients that hung up in the middle of a message"
+CUT_OFF = "clients that disconnected within a message"
 OTHER_USERS = "clients of another user"
 TOO_MANY = f"clients beyond the {MOST_CLIENTS} that may be connected"
-SLOW_READERS = "clients that didn't read what they asked for"
+SLOW_READERS = "clients that didn't read their answers"
 
 
 class CommandServer:

@@ -66,8 +66,8 @@ class FilePath(str):
 
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file completely or not at all: the data goes to a file beside it, which then takes
-    its place, so that nobody reads half of it. If writing fails, a previous file stays. A device or
-    a pipe is written to directly. Raises OSError."""
+    its place, so that no reader sees half of it. If writing fails, a previous file stays. A device
+    or a pipe is written to directly. Raises OSError."""
     whole = path.resolve()
     if whole.exists() and not whole.is_file():
         path.write_bytes(data)
@@ -109,7 +109,7 @@ def read_table(text: str, columns: Mapping[str, Dimension | None], what: str, li
     for cell in line.split(","):
         name, factor = _column(number, cell.strip(), columns, what)
         if name in factors:
-            raise FileError(f"the column `{name}` is there twice", number)
+            raise FileError(f"the column `{name}` occurs twice", number)
         factors[name] = factor
     return Table(tuple(factors), (_row(*line, factors) for line in lines))
 
@@ -139,7 +139,9 @@ def _column(
     match = _HEADER.match(cell)
     if match is None or match[1] not in columns:
         known = ", ".join(f"`{name}`" for name in columns)
-        raise FileError(f"`{cell[:40]}` is no column of {what}", number, f"the columns are {known}")
+        raise FileError(
+            f"`{cell[:40]}` is not a column of {what}", number, f"the columns are {known}"
+        )
     (name, unit), dimension = match.groups(), columns[match[1]]
     if dimension is None:
         return name, None
@@ -149,7 +151,7 @@ def _column(
     if unit is None:
         raise FileError(f"`{name}` needs a unit", number, f"write {units}")
     if unit.strip() not in dimension.units:
-        raise FileError(f"`{unit}` is no unit of {dimension.name}", number, f"write {units}")
+        raise FileError(f"`{unit}` is not a unit of {dimension.name}", number, f"write {units}")
     return name, dimension.units[unit.strip()]
 
 
@@ -169,7 +171,7 @@ def _row(
         try:
             value = float(cell)
         except ValueError:
-            raise FileError(f"`{cell[:20]}` is no number", number) from None
+            raise FileError(f"`{cell[:20]}` is not a number", number) from None
         if not isfinite(value):
             raise FileError(f"`{cell}` is not finite", number)
         numbers[name] = factor * value

@@ -102,8 +102,8 @@ class MappingOf(ValueType):
 
 @dataclass(frozen=True, eq=False)
 class RecordOf(ValueType):
-    """A nested record. flat: its keys stand beside those of the record that holds it, instead of in
-    a mapping of their own. or_name: the name of such a record may replace it."""
+    """A nested record. flat: its keys are written beside those of the containing record, instead of
+    in their own mapping. or_name: the name of such a record may replace it."""
 
     cls: Any = None
     flat: bool = False
@@ -112,8 +112,8 @@ class RecordOf(ValueType):
 
 NAMED, FLAT, OR_NAME = ValueType("named"), ValueType("flat"), ValueType("name")
 """Markers for annotations. `Annotated[tuple[InputPlan, ...], NAMED]` is a mapping from names to
-records, kept in order. The keys of `Annotated[Airframe, FLAT]` stand beside those of the record
-that holds it. `Annotated[World, OR_NAME]` may be written as a record or as the name of one."""
+records, kept in order. The keys of `Annotated[Airframe, FLAT]` are written beside those of the
+containing record. `Annotated[World, OR_NAME]` may be written as a record or as the name of one."""
 INTEGER, BOOLEAN, TEXT = ValueType("integer"), ValueType("boolean"), ValueType("text")
 _SEVERAL = {INTEGER: "integers", TEXT: "names"}
 FILE, FILE_PATH = ValueType("file", True), ValueType("file path", True)

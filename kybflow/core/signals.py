@@ -66,7 +66,7 @@ class Recorded(NamedTuple):
     extra_comment: str
 
 
-Stamp = Annotated[Time, "ns; when it was true. It arrived at the message's log time."]
+Stamp = Annotated[Time, "ns; the time of measurement. It arrived at the message's log time."]
 
 
 class Pose(NamedTuple):
@@ -101,8 +101,8 @@ class Imu(NamedTuple):
     and noise, in the body frame: specific force (m/s^2; 9.81 upwards at rest) and angular velocity
     (rad/s)."""
 
-    time: Annotated[Time, "ns; the end of what it is the average of"]
-    dt: Annotated[float, "s; how long that was"]
+    time: Annotated[Time, "ns; the end of the averaging interval"]
+    dt: Annotated[float, "s; the length of that interval"]
     specific_force: Annotated[Vec3, "m/s^2, body (FLU)"]
     angular_velocity: Annotated[Vec3, "rad/s, body"]
 
@@ -131,7 +131,7 @@ class Position(NamedTuple):
 
 class Payload(NamedTuple):
     """The vehicle's report of its payload. is_open: whether the servo that holds the payload is
-    open. aboard: whether the payload is on board, None if the vehicle can't tell. It is sent when
+    open. aboard: whether the payload is on board, None if the vehicle doesn't know. It is sent when
     either value changes, so it acknowledges that the servo moved."""
 
     time: Stamp
@@ -166,7 +166,7 @@ class Sticks(NamedTuple):
     throttle: Annotated[float, "0 to 1"]
     switches: Annotated[
         tuple[float, ...],
-        Recorded("-1 to 1", "count", "how many switches there are; the rest is zero"),
+        Recorded("-1 to 1", "count", "number of switches; the rest is zero"),
     ] = ()
 
 
@@ -291,7 +291,7 @@ ReactionName = Literal["warn", "brake", "go_home", "land", "land_blind", "cut"]
 class Alarm(NamedTuple):
     """The report that a bound was crossed. event: the name of the event, in the past tense.
     reaction: what the failsafe does. value, bound: the measured value and the bound, None if they
-    are no numbers. is_failure: whether the mission counts as failed even if the vehicle lands
+    are not numbers. is_failure: whether the mission counts as failed even if the vehicle lands
     well."""
 
     event: str
@@ -447,7 +447,7 @@ class WrongFrame(NamedTuple):
 
 
 class Tick(NamedTuple):
-    """What a vehicle's parts see in one tick.
+    """The input of a vehicle's parts in one tick.
 
     now: the tick's time. dt: seconds since the vehicle's last tick. elapsed: seconds since the
     behavior was entered. fleet: every vehicle's estimate by name, frozen before any behavior runs;
@@ -457,7 +457,7 @@ class Tick(NamedTuple):
     round-trip time to the vehicle in seconds, zero while unknown. payload: where the payload is,
     None while unknown. inputs: the readings of the mission's inputs. neighbours: what the vehicles
     have published in earlier ticks. moving: the moving obstacles. wrong_frame: why the frame of the
-    poses is wrong, None while nothing says so.
+    poses is wrong, None while no error is known.
     """
 
     now: Time

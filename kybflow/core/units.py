@@ -178,10 +178,10 @@ def _factor(text: str, number: str, unit: str, dimension: Dimension) -> float:
                 else f"write it like `{dimension.example}`",
             )
     if (typed := as_typed(unit).strip()) in dimension.units:
-        raise UnitError(f"`{text}` has another keyboard's characters", f"write `{number} {typed}`")
+        raise UnitError(f"`{text}` has characters of another script", f"write `{number} {typed}`")
     known = ", ".join(f"`{u}`" for u in dimension.units) or "none"
     raise UnitError(
-        f"`{unit}` is no unit of {dimension.name}", f"the units of {dimension.name} are {known}"
+        f"`{unit}` is not a unit of {dimension.name}", f"the units of {dimension.name} are {known}"
     )
 
 

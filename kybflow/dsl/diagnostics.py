@@ -1,4 +1,4 @@
-"""Diagnostics: the spans of text that they mark, what they say, and their rendering for people and
+"""Diagnostics: the spans of text that they mark, their messages, and their rendering for people and
 programs.
 
 A diagnostic is a value: a code, one short sentence, a span, notes and one hint. A span says where a
@@ -71,8 +71,8 @@ class Span(NamedTuple):
         return self.file == around.file and begins and ends
 
     def beside(self, other: Span) -> str:
-        """Return the location for a report about `other`: its line, with the file if that
-        differs."""
+        """Return the location as shown in a report about `other`: the line, preceded by the file if
+        it is another one."""
         return f"line {self.line}" if self.file == other.file else self.at
 
 
@@ -209,7 +209,7 @@ class Findings:
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Return each finding once, sorted by location. Of equal findings from several uses of a chain,
+    """Return each finding once, sorted by location. If several uses of a chain have equal findings,
     the first is kept."""
     first: dict[tuple[object, ...], Diagnostic] = {}
     for diagnostic in diagnostics:

@@ -182,7 +182,7 @@ class StateMachine:
 
     def _exited(self, reason: Exit) -> None:
         """Add the time in the state to that of the chains around it. The count continues only after
-        a transition of the mission that does not enter the chain anew."""
+        a transition of the mission that does not re-enter the chain."""
         taken = reason.transition
         self.chains = {
             chain: seconds + self.elapsed

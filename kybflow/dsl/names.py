@@ -76,7 +76,7 @@ def no_vehicle(code: str, name: str, span: Span, plan: Plan) -> Diagnostic:
     """Return the finding about the name of a missing vehicle where a group is not allowed."""
     hint = did_you_mean(name, plan.fleet)
     if name in plan.obstacles:
-        hint = "it stands in the world, and what stands there counts as an obstacle anyway"
+        hint = "obstacles of the world are always avoided"
     return Diagnostic(code, f"there is no vehicle `{name}`", span, label="unknown", help=hint)
 
 
@@ -157,8 +157,8 @@ def _parts(vehicle: VehiclePlan, catalog: Catalog) -> dict[str, tuple[tuple[Fiel
 
 
 class Scopes:
-    """The scope of every expression of a plan. Each scope is created once, because it caches what
-    was parsed in it."""
+    """The scope of every expression of a plan. Each scope is created once, because it caches the
+    parsed texts."""
 
     def __init__(self, plan: Plan) -> None:
         vehicles, fleet = plan.vehicles, plan.fleet

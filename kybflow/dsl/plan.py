@@ -1,10 +1,10 @@
-"""The records of a mission: what it says and means, frozen, in SI. The compiler decodes and checks
-them, `bind` resolves their names, and the runtime sees nothing else of a mission.
+"""The records of a mission: its contents and meaning, frozen, in SI. The compiler decodes and
+checks them, `bind` resolves their names, and the runtime sees nothing else of a mission.
 
 A field with `key(...)` is a key of the language: its schema, text, docs and completion follow from
 that one declaration. A field without `key(...)` is computed by the compiler. Records can be built
 in a test without YAML. `at` is always the `file:line` from which a value came, for events and
-reports; it is empty for what the language adds.
+reports; it is empty for values that the language adds.
 """
 
 from __future__ import annotations
@@ -77,14 +77,15 @@ class PartPlan(Record):
 
 @record("transition", is_whole=True, terse=True)
 class TransitionPlan(Record):
-    """One way out of a behavior: all of `when`, `event` and `after` that are written must hold.
+    """A transition out of a behavior: all of `when`, `event` and `after` that are given must be
+    met.
 
     cause: when the transition fires. `next` fires when everything written holds: `when` has held
     for `hold` seconds, `event` was emitted, and `after` seconds have passed in the state. `then`
     fires when the behavior is done, `failed` when it failed, and `within` after `after` seconds.
     implied: whether the language added the transition. since: the chain from whose entry `after`
     counts, or empty for the state; in a phase, the flow that declares this transition for all its
-    phases. enters: the chain that the transition enters anew, or empty. emit: the event that is
+    phases. enters: the chain that the transition re-enters, or empty. emit: the event that is
     emitted when the transition is taken.
     """
 
@@ -92,11 +93,15 @@ class TransitionPlan(Record):
     when: Annotated[Expression | None, CONDITION] = key(
         "A condition, like `state.altitude > 1 m`.", default=None
     )
-    event: Annotated[str | None, EVENT] = key("The event to hear.", default=None)
-    after: Duration | None = key("How long it must have lasted.", default=None, at_least=0.0)
-    hold: Duration = key("How long the condition must hold.", default=0.0, at_least=0.0, key="for")
+    event: Annotated[str | None, EVENT] = key("The event to wait for.", default=None)
+    after: Duration | None = key(
+        "Time that the state must have lasted.", default=None, at_least=0.0
+    )
+    hold: Duration = key(
+        "Time for which the condition must hold.", default=0.0, at_least=0.0, key="for"
+    )
     emit: str | None = key(
-        "An event of the mission's own, emitted when this way is taken.", default=None
+        "An event of the mission's own, emitted when this transition is taken.", default=None
     )
     target: Annotated[str, STATE] = key(
         "The behavior or phase to go to; `end` leaves a chain or a flow.", key="go"
@@ -116,13 +121,19 @@ class TransitionPlan(Record):
 
 Ways = tuple[TransitionPlan, ...]
 Goal = Annotated[str | None, STATE]
-_THEN, _NEXT = "Where to go when it is done.", "Ways out, asked from the top in every tick."
-_FAILED, _WITHIN = "Where to go when it fails.", "Time after which it has failed."
+_THEN, _NEXT = (
+    "State that follows when the behavior is done.",
+    "Transitions, evaluated from the top in every tick.",
+)
+_FAILED, _WITHIN = (
+    "State that follows when the behavior fails.",
+    "Time after which the behavior fails.",
+)
 
 
 @record("behavior")
 class StatePlan(Record):
-    """One state: what the vehicle does, and where it goes from there.
+    """One state: the vehicle's behavior, and the transitions that leave it.
 
     transitions: evaluated in order. estimators: they precede the vehicle's other estimators, in
     this order, while the state is active.
@@ -137,7 +148,7 @@ class StatePlan(Record):
     built_in: bool = False
     at: str = ""
     estimators: tuple[str, ...] = key(
-        "Estimators of the vehicle that come first here, in this order.",
+        "Estimators of the vehicle that this behavior prefers, in this order.",
         default=(), least=1, each="Name of an estimator.", examples=(["mocap"],),
     )  # fmt: skip
     next: Ways = key(_NEXT, default=())
@@ -184,10 +195,12 @@ class EstimatorPlan(Record):
         "The condition under which the estimate may be used, like `age < 100 ms`.", default=None
     )
     recover_after: Duration = key(
-        "How long it must be healthy before it is used again.", default=0.0, at_least=0.0
+        "Time for which the estimator must be healthy before it is used again.",
+        default=0.0,
+        at_least=0.0,
     )
     for_at_most: Duration | None = key(
-        "The longest that it is used at a stretch.", default=None, above=0.0
+        "Longest time for which the estimator is used without a break.", default=None, above=0.0
     )
 
 
@@ -229,7 +242,7 @@ class Body(Record):
 
     airframe: Annotated[Airframe, FLAT] = key("", default=None)
     cameras: Annotated[tuple[CameraPlan, ...], NAMED] = key(
-        "Cameras that it carries, by name.", default=()
+        "Cameras of the airframe, by name.", default=()
     )
     name: str = ""
 
@@ -239,16 +252,16 @@ class Place(Record):
     """How a vehicle is reached."""
 
     driver: Annotated[PartPlan | None, part_of("drivers")] = key(
-        "What flies it; without it the one that the target's name implies.", default=None
+        "The driver; by default the one that the target's name implies.", default=None
     )
     tracker: Annotated[PartPlan | None, part_of("trackers")] = key(
-        "What turns the setpoint into a command there; without it the one that the driver asks"
-        " for, else the vehicle's own.",
+        "The tracker on this target; by default the one that the driver names, or else the "
+        "vehicle's own.",
         default=None,
     )
     sensors: dict[str, Annotated[tuple[PartPlan, ...], SENSORS]] = key(
         "Sensors beside the driver, under the names of estimators.", default={},
-        each="Where the estimator's measurements come from: one, or a list of them.",
+        each="The sensors that provide the estimator's measurements: one, or a list.",
     )  # fmt: skip
 
 
@@ -270,21 +283,28 @@ class VehiclePlan(Record):
         "Where the vehicle stands before take-off.", key="start", default=Start(),
         examples=({"at": [0, 0, 0]},),
     )  # fmt: skip
-    home: Position | None = key("Where `go_home` flies; its start without it.", default=None)
+    home: Position | None = key(
+        "Position to which `go_home` flies; by default the start.", default=None
+    )
     payload: Parcel | None = key(
-        "What it carries and may release.", default=None,
+        "The payload that the vehicle carries and can release.", default=None,
         examples=({"mass": "200 g", "size": "10 cm", "channel": 1, "aboard": True},),
     )  # fmt: skip
-    estimators: Estimators = key("The first healthy one is used.", default=())
-    processors: Processors = key("What may bend the setpoint, in this order.", default=())
+    estimators: Estimators = key(
+        "The estimators, of which the first healthy one is used.", default=()
+    )
+    processors: Processors = key(
+        "The processors, which may change the setpoint, in this order.", default=()
+    )
     tracker: Annotated[PartPlan, part_of("trackers", is_needed=False)] = key(
-        "What turns the setpoint into a command.", needed=False
+        "The tracker, which turns setpoints into commands.", needed=False
     )
     supervisors: Supervisors = key(
-        "What watches a bound, beside the supervisors that every vehicle has.", default=()
+        "Supervisors in addition to those that every vehicle has; each watches a bound.", default=()
     )
     begin: Annotated[str, STATE] = key(
-        "The first behavior; without it the topmost, or `landed` for a vehicle that a flow drives.",
+        "The first behavior; by default the topmost, or `landed` for a vehicle that a flow "
+        "controls.",
         needed=False,
     )
     behaviors: dict[str, StatePlan] = key(
@@ -310,7 +330,7 @@ class VehiclePlan(Record):
 
     @functools.cached_property
     def known(self) -> dict[str, Any]:
-        """A cache of what the checks derive from the vehicle."""
+        """A cache of the checks' results about the vehicle."""
         return {}
 
     @property
@@ -459,7 +479,7 @@ class ActionKeys(Record):
     value: Any = None
     part: PartPlan | None = None
     switch: dict[str, Annotated[Request, REQUEST]] = key(
-        "Vehicles or groups, and the state that each is asked to enter.",
+        "Vehicles or groups, and the state that each is to enter.",
         default={}, least=1, names_like="any", each="The state", examples=({"a": "home"},),
     )  # fmt: skip
     set: dict[str, Annotated[Any, OPTION_VALUE]] = key(
@@ -467,24 +487,24 @@ class ActionKeys(Record):
         default={}, least=1, names_like="any",
     )  # fmt: skip
     enable: str | None = key(
-        "A processor to use again, like `a.processors.limit_speed`.", default=None
+        "A processor to switch on again, like `a.processors.limit_speed`.", default=None
     )
-    disable: str | None = key("A processor to leave out; none that is a safety part.", default=None)
-    emit: str | None = key(
-        "An event of the mission's own, to be heard in the next tick.", default=None
+    disable: str | None = key(
+        "A processor to switch off; safety processors are always on.", default=None
     )
+    emit: str | None = key("An event of the mission's own, raised in the next tick.", default=None)
     phase: Annotated[Any, PHASE] = key(
         "A phase to enter; `{FLOW: PHASE}` where several flows have it.",
         default=None, least=1, each="The phase.",
     )  # fmt: skip
     perform: dict[str, str] = key(
-        "Vehicles or groups, and the act that the driver of each is asked for, like"
-        " `leds_blink_red`.",
+        "Vehicles or groups, and the act that the driver of each is to perform, like "
+        "`leds_blink_red`.",
         default={}, least=1, names_like="any", each="The act.", examples=({"a": "leds_blink_red"},),
     )  # fmt: skip
     log: str | None = key(
-        "A text for the record; `{event}`, `{time}`, `{vehicle}` and the event's fields in it are"
-        " filled in.",
+        "A text for the recording, in which `{event}`, `{time}`, `{vehicle}` and the event's "
+        "fields are replaced.",
         default=None,
     )
     stop: str | None = key("The reason why the run ends: every vehicle lands.", default=None)
@@ -518,18 +538,17 @@ class CallbackPlan(Record):
     """
 
     event: Annotated[str, EVENT] = key(
-        "What to hear: `VEHICLE.NAME`, `GROUP.NAME`, `any.NAME` of every vehicle, "
-        "`operator.NAME` of a person, or the bare name of an event of the run, or of "
-        "one that a mission emits.",
+        "The event: `VEHICLE.NAME`, `GROUP.NAME`, `any.NAME` of every vehicle, `operator.NAME` "
+        "of a person, or the bare name of an event of the run or of the mission itself.",
         needed=False,
     )
     vehicles: tuple[str, ...]
     actions: tuple[ActionPlan, ...]
     fields: tuple[tuple[str, str], ...] = ()
     when: Annotated[Expression | None, CONDITION] = key(
-        "A condition that must hold too, like `a in landed`; vehicles go by their names. Without "
-        "`event`, the actions are done when it begins to hold, and again only after it has not "
-        "held.",
+        "A condition that must also hold, like `a in landed`, with the names of vehicles. "
+        "Without `event`, the actions run when the condition begins to hold, and again only "
+        "after it has been false.",
         default=None,
     )
     hold: Duration = key(
@@ -557,18 +576,18 @@ class InputPlan(Record):
     name: str
     part: Annotated[PartPlan, part_of("inputs")] = key("Name of the part.", key="use")
     button_names: dict[str, str]
-    silent_after: Duration = key("Lost when it is silent for longer.", default=0.3, above=0.0)
+    silent_after: Duration = key("Silence after which the input is lost.", default=0.3, above=0.0)
     stuck_after: Duration | None = key(
-        "Lost when an axis away from its centre doesn't change for longer; unless said, the"
-        " device's own: 10 s for gamepads and transmitters.",
+        "Time without a change of an axis away from its centre after which the input is lost; by "
+        "default that of the device, 10 s for gamepads and transmitters.",
         default=None, above=0.0,
     )  # fmt: skip
     dead_man: str | None = key(
-        "The button without which nothing is steered: released means brake.", default=None
+        "The dead-man button: the vehicle brakes when it is released.", default=None
     )
     buttons: dict[str, str] = key(
-        "What the mission calls buttons of the device, like `{leave: a}`.",
-        default={}, each="The device's name of it.",
+        "The mission's names for buttons of the device, like `{leave: a}`.",
+        default={}, each="The device's name of the button.",
     )  # fmt: skip
     at: str = ""
 
@@ -588,18 +607,21 @@ class FaultPlan(Record):
     """
 
     when: Annotated[Expression | None, CONDITION] = key(
-        "It begins when this condition of the vehicle first holds, like `behavior == hop`.",
+        "The fault begins when this condition of the vehicle first holds, like `behavior == hop`.",
         default=None,
     )
     time: Duration | None = key(
-        "It begins at this time of the run.", default=None, at_least=0.0, key="at"
+        "The fault begins at this time of the run.", default=None, at_least=0.0, key="at"
     )
-    vehicle: str = key("The vehicle that it strikes.", key="on")
+    vehicle: str = key("The vehicle that the fault affects.", key="on")
     part: Annotated[PartPlan, part_of("faults", "inject")] = key(
         "The fault; its parameters are keys beside it.", key="inject"
     )
     duration: Duration | None = key(
-        "How long it lasts; without it to the end of the run.", default=None, above=0.0, key="for"
+        "Duration of the fault; by default to the end of the run.",
+        default=None,
+        above=0.0,
+        key="for",
     )
     at: str = ""
 
@@ -610,7 +632,8 @@ Arrive = Literal["together", "in_turns"]
 
 @record("phase")
 class PhasePlan(Record):
-    """A step of a flow: what begins together, and the ways out. A phase without any is the last.
+    """A step of a flow: the requests that begin together, and the transitions. A phase without
+    transitions is the last one.
 
     On entry a phase gives vehicles to other flows, sets options and requests states of vehicles.
     transitions: evaluated as in a state: `next` from the top, then `within`; the target `end` ends
@@ -621,27 +644,29 @@ class PhasePlan(Record):
 
     name: str
     give: dict[str, str] = key(
-        "Vehicles or groups, and the flow that drives each from here on.",
-        default={}, each="The flow; it gives back when it ends.",
+        "Vehicles or groups, and the flow that controls each from here on.",
+        default={}, each="The flow, which gives the vehicle back when it ends.",
     )  # fmt: skip
     set: dict[str, Annotated[Any, OPTION_VALUE]] = key(
         "Options, like `swarm.processors.limit_speed.speed`, and their new values.",
         default={}, least=1, names_like="any",
     )  # fmt: skip
     run: dict[str, Annotated[Request, REQUEST]] = key(
-        "Vehicles or groups, and the behavior that each is asked to enter.",
+        "Vehicles or groups, and the behavior that each is to enter.",
         default={}, each="The behavior",
     )  # fmt: skip
     arrive: Arrive | None = key(
-        "How those that `run` names arrive: `together`, on straight lines at one pace, or "
-        "`in_turns`, each when the one before is there.",
+        "How the vehicles of `run` arrive: `together`, on straight lines with a common duration, "
+        "or `in_turns`, each after the previous one has arrived.",
         default=None,
     )
-    next: Ways = key("Ways out, asked from the top in every tick; `end` ends the flow.", default=())
-    within: Duration | None = key(
-        "The longest that it lasts; then it goes to `otherwise`.", default=None, above=0.0
+    next: Ways = key(
+        "Transitions, evaluated from the top in every tick; `end` ends the flow.", default=()
     )
-    otherwise: Goal = key("The phase to go to when it lasts longer, or `end`.", default=None)
+    within: Duration | None = key(
+        "Largest duration of the phase, after which `otherwise` follows.", default=None, above=0.0
+    )
+    otherwise: Goal = key("The phase that follows when `within` expires, or `end`.", default=None)
     transitions: Ways = ()
     options: tuple[SetOption, ...] = ()
     ends: bool = False
@@ -650,7 +675,7 @@ class PhasePlan(Record):
 
 @record("flow", is_whole=True, like=f"Start from this flow: {MERGES}", block=True)
 class FlowPlan(Record):
-    """Phases over several vehicles; a vehicle is driven by one flow at a time.
+    """Phases over several vehicles; only one flow at a time controls a vehicle.
 
     vehicles: the vehicles that the flow drives from the start. waits: whether the flow begins only
     when it is given a vehicle. The flow's `next` transitions are also included in those of its
@@ -658,12 +683,10 @@ class FlowPlan(Record):
     """
 
     name: str
-    begin: Annotated[str, STATE] = key("The first phase; without it the topmost.", needed=False)
-    next: Ways = key(
-        "Ways out of every phase but the one that it leads to, asked first.", default=()
-    )
+    begin: Annotated[str, STATE] = key("The first phase; by default the topmost.", needed=False)
+    next: Ways = key("Transitions of every phase except their target, evaluated first.", default=())
     vehicles: tuple[str, ...]
-    phases: dict[str, PhasePlan] = key("Its phases: exactly one is active.", least=1)
+    phases: dict[str, PhasePlan] = key("The phases, of which exactly one is active.", least=1)
     waits: bool = False
     at: str = ""
 
@@ -673,7 +696,7 @@ class TargetKeys(Record):
     """How each vehicle is reached: `all`, or by a vehicle's name."""
 
     inputs: Annotated[tuple[InputPlan, ...], NAMED] = key(
-        "What people steer with and whose buttons are events, by name.", default=()
+        "Devices for steering, whose buttons raise events, by name.", default=()
     )
 
 
@@ -715,12 +738,14 @@ class ParameterKeys(Record):
         "Its type: a quantity such as `length`, or `position`, `integer`, `text` or `boolean`.",
         examples=tuple(TYPES),
     )
-    default: Annotated[Any, PARAMETER_VALUE] = key("The value when nothing sets it.", default=None)
+    default: Annotated[Any, PARAMETER_VALUE] = key(
+        "The value if nothing else sets one.", default=None
+    )
     above: Annotated[Any, BOUND] = key("The value must be greater.", default=None)
     at_least: Annotated[Any, BOUND] = key("The value must be this or greater.", default=None)
     below: Annotated[Any, BOUND] = key("The value must be less.", default=None)
     at_most: Annotated[Any, BOUND] = key("The value must be this or less.", default=None)
-    help: str | None = key("What it is.", default=None)
+    help: str | None = key("Description of the parameter.", default=None)
 
 
 _EXAMPLE = ({"type": "length", "default": "1 m"},)
@@ -731,8 +756,8 @@ class ImportKeys(Record):
     """A library, by its file."""
 
     file: str = key(
-        "The library: of an installed package, `kybflow/stacks`, or a file beside this one,"
-        " `library/lab.yaml`.",
+        "The library: one of an installed package, such as `kybflow/stacks`, or a file near this "
+        "one, such as `library/lab.yaml`.",
         key="from",
     )
     values: Annotated[Any, AnyOf("value", kinds=("object",))] = key(
@@ -742,36 +767,42 @@ class ImportKeys(Record):
 
 @record("chain", is_whole=True)
 class ChainKeys(Record):
-    """Behaviors that are used as one: `do: chain.NAME`, with its parameters beside it."""
+    """Behaviors that are used like one: `do: chain.NAME`, with its parameters beside it."""
 
-    summary: str | None = key("One line for people.", default=None)
+    summary: str | None = key("Summary in one line.", default=None)
     parameters: dict[str, ParameterKeys] = key(
-        "Values that are given where it is used.", default={}, each_examples=_EXAMPLE
+        "Parameters that each use of the chain sets.", default={}, each_examples=_EXAMPLE
     )
-    begin: Goal = key("The first behavior; without it the topmost.", default=None)
-    behaviors: dict[str, StatePlan] = key("Its states; `then: end`, or none, leaves it.")
+    begin: Goal = key("The first behavior; by default the topmost.", default=None)
+    behaviors: dict[str, StatePlan] = key(
+        "The states of the chain; `then: end`, or no `then`, leaves it."
+    )
 
 
 @record("stack", like="Start from this stack.")
 class StackKeys(Record):
     """Parts for the lists of a vehicle: `- stack: NAME` stands for them."""
 
-    summary: str | None = key("One line for people.", default=None)
-    estimators: Estimators = key("The first healthy one is used.", default=())
-    processors: Processors = key("What may bend the setpoint, in this order.", default=())
-    supervisors: Supervisors = key("What watches a bound.", default=())
+    summary: str | None = key("Summary in one line.", default=None)
+    estimators: Estimators = key(
+        "The estimators, of which the first healthy one is used.", default=()
+    )
+    processors: Processors = key(
+        "The processors, which may change the setpoint, in this order.", default=()
+    )
+    supervisors: Supervisors = key("Supervisors, each of which watches a bound.", default=())
 
 
 @record()
 class Shared(Record):
     """The keys that both missions and libraries may have."""
 
-    summary: str = key("One line for people.", default="")
+    summary: str = key("Summary in one line.", default="")
     imports: dict[str, Annotated[ImportKeys, OR_NAME]] = key(
-        "Libraries, each under a name.", default={}, key="import"
+        "Imported libraries, by name.", default={}, key="import"
     )
     parameters: dict[str, ParameterKeys] = key(
-        "Values that `--set` may change.", default={}, each_examples=_EXAMPLE
+        "Parameters, which `--set` can change.", default={}, each_examples=_EXAMPLE
     )
     airframes: Annotated[tuple[Body, ...], NAMED] = key("Airframes by name.", default=())
     chains: dict[str, ChainKeys] = key(
@@ -781,7 +812,7 @@ class Shared(Record):
 
 
 Flows = Annotated[tuple[FlowPlan, ...], NAMED]
-_FLOWS = "What several vehicles do together, flows side by side."
+_FLOWS = "Flows, each of which coordinates several vehicles; they run in parallel."
 
 
 @record("library", is_whole=True, leading=("library",))
@@ -789,57 +820,60 @@ class Library(Shared):
     """A library: definitions that several missions share."""
 
     library: Annotated[str, TITLE] = key("Its name.")
-    vehicles: Annotated[tuple[VehiclePlan, ...], NAMED] = key("What flies, by name.", default=())
+    vehicles: Annotated[tuple[VehiclePlan, ...], NAMED] = key("The vehicles, by name.", default=())
     worlds: dict[str, World] = key("Worlds by name.", default={})
     flows: Flows = key(_FLOWS, default=())
 
 
 @record("mission", is_whole=True, leading=("kybflow", "mission"), block=True)
 class Plan(Shared):
-    """A kybflow mission: what flies, what it trusts, what it does, what is expected of it."""
+    """A kybflow mission: its vehicles with their estimators and behaviors, and the expectations."""
 
     version: Annotated[int, VERSION] = key(
         "Version of the language.", default=1, needed=True, key="kybflow"
     )
     mission: Annotated[str, TITLE] = key("Its name.")
     control: Frequency | None = key(
-        "Control rate, a whole number of Hz; unless said 125 Hz, or 100 Hz where every vehicle is"
-        " on an autopilot that takes at most 50 set-points a second.",
+        "Control rate, a whole number of Hz; by default 125 Hz, or 100 Hz if every vehicle flies "
+        "on an autopilot that takes at most 50 set-points per second.",
         default=None, above=0.0,
     )  # fmt: skip
     hover_limit: Duration = key(
-        "How long the built-in hover waits before it lands.",
+        "Time after which the built-in hover lands.",
         default=30.0, above=0.0,
     )  # fmt: skip
     time_limit: Duration = key(
-        "When it has passed, what still flies lands, and the run ends.", default=600.0, above=0.0
+        "Time after which every vehicle lands and the run ends.", default=600.0, above=0.0
     )
     world: Annotated[World, OR_NAME] = key(
-        "A library's world by its name, or the fence, points, obstacles and tags of this one.",
+        "The name of a library's world, or a fence, points, obstacles and tags.",
         default=World(),
     )
     vehicles: Annotated[tuple[VehiclePlan, ...], NAMED] = key(
-        "What flies, by name.", default=(), least=1, needed=True
+        "The vehicles, by name.", default=(), least=1, needed=True
     )
     inputs: Annotated[tuple[InputPlan, ...], NAMED] = key(
-        "What people steer with and whose buttons are events, by name.", default=()
+        "Devices for steering, whose buttons raise events, by name.", default=()
     )
     groups: dict[str, tuple[str, ...]] = key(
-        "Vehicles that go by one name, as in `all swarm in hover`.",
+        "Groups of vehicles, as in `all swarm in hover`.",
         default={}, each="Its vehicles.", each_examples=(["a", "b"],),
     )  # fmt: skip
     flows: Flows = key(_FLOWS, default=())
     callbacks: tuple[CallbackPlan, ...] = key(
-        "What is done when something happens, at any time.", default=(), key="on"
+        "Callbacks: actions on events or conditions, at any time.", default=(), key="on"
     )
     faults: tuple[FaultPlan, ...] = key(
-        "What breaks, and when; in simulation, and our side of it on a firmware's own simulator.",
+        "Injected faults, in simulation; with a firmware's own simulator, only those of "
+        "kybflow's side.",
         default=(),
     )
-    expect: tuple[str, ...] = key("What must hold for the mission to succeed.", default=())
+    expect: tuple[str, ...] = key(
+        "Expectations that must hold for the mission to succeed.", default=()
+    )
     targets: dict[str, TargetKeys] = key(
-        "Where the mission can fly, chosen by `--target NAME`; `sim` and those of the drivers are"
-        " implied.",
+        "Targets on which the mission can fly, chosen by `--target NAME`; `sim` and those of the "
+        "drivers always exist.",
         default={},
     )
     target: str

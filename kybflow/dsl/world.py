@@ -35,7 +35,8 @@ class CameraPlan(Record):
 
     at: Position = key("Position of its lens, body frame (x forward, y left, z up).")
     facing: CameraFacing = key(
-        "Its view; `down` and `up` have the image's upper edge forward.", default="down"
+        "Direction of its view; with `down` and `up` the image's upper edge is forward.",
+        default="down",
     )
     roll: Angle = key(_TRIM.format("x"), default=0.0)
     pitch: Angle = key(_TRIM.format("y"), default=0.0)
@@ -45,16 +46,16 @@ class CameraPlan(Record):
         "Height of its image, pixels.", default=None, at_least=16, at_most=8192
     )
     field_of_view: Angle | None = key(
-        "From the image's left edge to its right one; the lens has no distortion.",
+        "Angle of view from the left to the right edge of the image; the lens has no distortion.",
         default=None, above=0.0, below=0.95 * pi,
     )  # fmt: skip
     calibration: File | None = key(
-        "Calibration file of ROS or OpenCV, in place of width, height and field_of_view.",
+        "Calibration file of ROS or OpenCV, instead of width, height and field_of_view.",
         default=None, reads=read_calibration,
     )  # fmt: skip
     rate: Frequency = key("Frames a second.", default=30.0, above=0.0, at_most=1000.0)
     row_time: Duration = key(
-        "From the start of a row's exposure to the next row's (rolling shutter); zero is a global "
+        "Time between the exposures of successive rows (rolling shutter); zero for a global "
         "shutter.",
         default=0.0, at_least=0.0, at_most=1e-3,
     )  # fmt: skip
@@ -77,7 +78,7 @@ class GridParams(Record):
     """Tags in columns and rows."""
 
     family: Family = key("Family of the tags.")
-    count: tuple[int, ...] = key("How many: [columns, rows].", at_least=1)
+    count: tuple[int, ...] = key("Number of tags: [columns, rows].", at_least=1)
     size: Length = key("Side of a tag's black square.", above=0.0, at_most=MAX_TAG)
     spacing: Length = key("Gap between the black squares.", at_least=0.0)
     first: int = key("Number of the first tag.", default=0, at_least=0)
@@ -85,7 +86,7 @@ class GridParams(Record):
     heading: Angle = key(_HEADING, default=0.0)
     facing: TagFacing = key(_FACES, default="up")
     rows: Literal["up", "down"] = key(
-        "Where the rows go from the first tag: `up` to the tags' upper edges, or `down`.",
+        "Direction of the rows from the first tag: `up`, towards the tags' upper edges, or `down`.",
         default="up",
     )
     leave_out: tuple[int, ...] = key("Numbers of missing tags.", default=())
@@ -108,7 +109,8 @@ class PointCloudParams(Record):
     """A scan: a ball around each point."""
 
     file: File = key(
-        "Its points: PLY (ASCII or binary), a table with x, y and z, or three numbers a line.",
+        "File of the points: PLY (ASCII or binary), a table with x, y and z, or three numbers "
+        "per line.",
         reads=read_points, binary=True,
     )  # fmt: skip
     radius: Length = key(
@@ -121,7 +123,8 @@ class PointCloudParams(Record):
         "Rotation of the scan about the vertical, counter-clockwise from above.", default=0.0
     )
     above: Length | None = key(
-        "Leaves out points at or below this height, world frame, such as the floor.", default=None
+        "Height, world frame, at or below which points are ignored, such as those of the floor.",
+        default=None,
     )
 
 
@@ -151,8 +154,8 @@ class MapImage(Record):
 class Corners(Record):
     """The box that no vehicle may leave."""
 
-    low: Position = key("Its lowest corner.", key="from")
-    high: Position = key("Its highest corner.", key="to")
+    low: Position = key("Lowest corner of the box.", key="from")
+    high: Position = key("Highest corner of the box.", key="to")
 
 
 @record("box")
@@ -164,7 +167,7 @@ class BoxParams(Corners):
 class CylinderParams(Record):
     """An upright cylinder."""
 
-    at: Position = key("The centre of its foot.")
+    at: Position = key("Centre of the lower end.")
     radius: Length = key("Its radius.", above=0.0)
     height: Length = key("Its height.", above=0.0)
 
@@ -179,10 +182,12 @@ class SphereParams(Record):
 
 @record("plane")
 class PlaneParams(Record):
-    """An infinite wall, solid behind."""
+    """An infinite wall; the space behind it is solid."""
 
-    at: Position = key("A point on it.")
-    facing: Annotated[Vec3, NUMBER] = key("Its normal, of any length, away from the solid.")
+    at: Position = key("A point on the plane.")
+    facing: Annotated[Vec3, NUMBER] = key(
+        "Normal of the plane, of any length, away from the solid side."
+    )
 
 
 @record("obstacle", terse=True)
@@ -196,7 +201,7 @@ class Obstacle(Record):
     box: BoxParams | None = key("A box along the axes.", default=None)
     cylinder: CylinderParams | None = key("An upright cylinder.", default=None)
     sphere: SphereParams | None = key("A ball.", default=None)
-    plane: PlaneParams | None = key("An infinite wall, solid behind.", default=None)
+    plane: PlaneParams | None = key("An infinite wall; the space behind it is solid.", default=None)
     point_cloud: PointCloudParams | None = key("A scan: a ball around each point.", default=None)
     occupancy: OccupancyParams | None = key(
         "The occupied cells of a map, as upright columns.", default=None
@@ -205,7 +210,7 @@ class Obstacle(Record):
         "A ball that moves along a path and back.", default=None
     )
     contact: Literal["forbidden", "allowed"] = key(
-        "`allowed`: vehicles may touch it, and nothing keeps them away from it.",
+        "`allowed`: vehicles may touch the obstacle, and nothing keeps them away from it.",
         default="forbidden",
     )
     shape: Shape | None = None
@@ -228,7 +233,7 @@ class Tags(Record):
     grid: GridParams | None = key("Tags in columns and rows.", default=None)
     tag: TagParams | None = key("One tag.", default=None)
     file: File | None = key(
-        "A table of tags: `family, id, size, x, y, z, heading [deg]`, a row a tag.",
+        "A table of tags: `family, id, size, x, y, z, heading [deg]`, one row per tag.",
         default=None, reads=read_tags,
     )  # fmt: skip
     tags: tuple[Tag, ...] = ()

@@ -28,12 +28,12 @@ alone, for a vehicle that hovers with the least possible thrust, (1 - `unsure`) 
     u' = (s (1 - unsure) / c - 1) g,    u <= w + u1 (t),    u1 = 1.0 m/s for 1.2 s, then less by
                                                             0.5 m/s each second down to 0
 
-so that what the IMU asks for beyond the model is granted briefly and then taken back. c is the true
-hover thrust over T0. No accelerometer is assumed to be wrong by 2 m/s^2 or more: if l is lower than
-g by so much, c = g / l; if l is lower by 1 m/s^2 at most, c = 1; in between, c changes
-continuously. Whatever the model says, T <= 1.6 T0 for 1.5 s, which catches a vehicle whose rotors
-have become weak. The bound then falls by 0.2 T0 each second to 1.12 T0, and after 7.5 s by 0.06 T0
-each second; when it reaches zero, after 26 s, the rotors stop.
+so that the IMU may exceed the model only briefly. c is the true hover thrust over T0. No
+accelerometer is assumed to be wrong by 2 m/s^2 or more: if l is lower than g by so much, c = g / l;
+if l is lower by 1 m/s^2 at most, c = 1; in between, c changes continuously. Whatever the model
+says, T <= 1.6 T0 for 1.5 s, which catches a vehicle whose rotors have become weak. The bound then
+falls by 0.2 T0 each second to 1.12 T0, and after 7.5 s by 0.06 T0 each second; when it reaches
+zero, after 26 s, the rotors stop.
 
 An accelerometer that begins to measure too little looks like rotors that become weak; the bound
 decides between them. If T0 was learnt in flight and `unsure` is 0, b = -0.5 m/s^2 makes the vehicle
@@ -47,12 +47,12 @@ The vehicle has touched down when the floor carries it. The law of the descent r
 the floor, slowly: f, which is l s without its noise, then exceeds 0.9 g for 0.1 s while the thrust
 is below a third of the hover thrust. An impact, where f exceeds l s by 8 m/s^2 and six times the
 noise, may be the floor or anything else, such as a wall or another vehicle, at any height. It adds
-to v what the IMU measured, which is no noise, and begins a probe: for 0.2 s the thrust is reduced
-to a quarter of the hover thrust. On the floor f, averaged over 30 ms, stays above 0.8 g while the
-thrust falls below 0.4 of the hover thrust; after 0.05 s of that the rotors stop. In the air f
-follows the thrust; the vehicle loses at most 1.2 m/s, and the descent goes on. There is no probe in
-the first 0.2 s, in which the rotors may still follow the previous command, nor within 0.1 s after
-another one.
+the velocity that the IMU measured, apart from noise, to v, and begins a probe: for 0.2 s the thrust
+is reduced to a quarter of the hover thrust. On the floor f, averaged over 30 ms, stays above 0.8 g
+while the thrust falls below 0.4 of the hover thrust; after 0.05 s of that the rotors stop. In the
+air f follows the thrust; the vehicle loses at most 1.2 m/s, and the descent goes on. There is no
+probe in the first 0.2 s, in which the rotors may still follow the previous command, nor within 0.1
+s after another one.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ BRIEF_BOUND, LASTING_BOUND = (1.6, 1.5, 0.2), (1.12, 7.5, 0.06)
 """Two bounds of the thrust over the hover thrust, of which the larger one applies: the initial
 bound, the seconds for which it holds, and its decrease per second after that."""
 TRUSTED_CLIMB = (1.0, 1.2, 0.5)
-"""Upward speed beyond w(t) that the IMU alone may ask for, m/s: the initial value, the seconds for
+"""Upward speed beyond w(t) that the IMU alone may cause, m/s: the initial value, the seconds for
 which it holds, and its decrease per second after that."""
 MAX_BIAS = 1.0
 """How much too low the readings of an accelerometer may be, m/s^2."""
@@ -223,7 +223,7 @@ class BlindBrake:
     below 3 cm/s.
 
     velocity, acceleration: those of the vehicle at the start along x and y, world, m/s and m/s^2; a
-    velocity above the airframe's largest speed is not believed, and shortened to it.
+    velocity above the airframe's largest speed is reduced to it.
     """
 
     __slots__ = ("_airframe", "_is_over", "_lag", "_lean", "_velocity")

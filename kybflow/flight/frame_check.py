@@ -1,8 +1,8 @@
 """Compares the motion that motion capture measures with the motion that the IMU measures.
 
-If the units, the axes or the body's heading are not what the mission declares of a stream, its
-poses are consistent with each other and wrong, so no filter of poses can notice. The IMU can. From
-rest, where its errors and its angle to the body are learned, its rates w and specific forces f are
+If the units, the axes or the body's heading of a stream differ from the mission, its poses are
+consistent with each other but wrong, which no filter of poses can detect. The IMU can. From rest,
+where its errors and its angle to the body are learned, its rates w and specific forces f are
 integrated to an attitude R, a velocity v and a position x in the frame of the poses:
 
     R' = R [w],    v' = R f - g e3,    x' = v
@@ -273,7 +273,7 @@ class FrameCheck:
         self._attitude = multiply(pose.attitude, self._levelled)
 
     def _begin(self) -> None:
-        """Begin anew: poses jumped, samples are missing, or a blow was not resolved."""
+        """Restart: poses jumped, samples are missing, or a blow was not resolved."""
         self._moments.clear()
         self._agrees, self._upward, self._across = False, 0, 0
 
@@ -359,8 +359,8 @@ class FrameCheck:
         return False
 
     def _judge(self, off: Vec3, felt: Vec3, least: float) -> None:
-        """Compare what was felt with the difference from what was seen, m/s^2. least: the largest
-        difference by noise."""
+        """Compare the IMU's velocity change with its difference from that of the poses, m/s^2.
+        least: the largest difference by noise."""
         ex, ey, ez = off
         gx, gy, gz = felt
         seen = sx, sy, sz = gx + ex, gy + ey, gz + ez

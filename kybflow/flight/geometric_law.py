@@ -31,7 +31,7 @@ DELAY_AVERAGING_S = 1.0
 @params
 class GeometricParams(DesignedGains, SteeringParams):
     observer: Frequency = param(
-        "Bandwidth at which disturbances are estimated from the accelerometer, 0 for not at all.",
+        "Bandwidth of estimating disturbances from the accelerometer; 0 to disable it.",
         default=2.0, at_least=0.0, at_most=20.0, read_only=True,
     )  # fmt: skip
 

@@ -36,7 +36,7 @@ Fleet = Mapping[str, Estimate | None]
 
 
 class Below(NamedTuple):
-    """What a descending vehicle would land on. words: what it is, for a message. away: the
+    """What a descending vehicle would land on. words: its description for a message. away: the
     direction away from it, rad, counterclockwise from x. is_fixed: whether it will not go away."""
 
     words: str

@@ -297,8 +297,8 @@ class Turn:
         return self._start + copysign(angle, self._angle), copysign(rate, self._angle)
 
     def off(self, estimate: Estimate, tolerance: float | None) -> str:
-        """Return a description of the heading error; empty if it is within `tolerance`, or if that
-        is None."""
+        """Return a description of the heading error; empty if the error is within `tolerance`, or
+        if `tolerance` is None."""
         if tolerance is None:
             return ""
         left = abs(wrap(self._start + self._angle - heading_of(estimate.attitude)))
@@ -306,8 +306,7 @@ class Turn:
 
 
 MAX_TICK_S = 0.1
-"""The longest time (s) that one tick can count for: nobody knows what held while the process
-hung."""
+"""The longest time (s) that one tick can count for: the state during a longer hang is unknown."""
 
 
 class Dwell:

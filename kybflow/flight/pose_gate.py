@@ -107,9 +107,9 @@ class PoseTrack:
         REACH_TURN + REACH_TURN_RATE t     in attitude.
 
     A pose that no flight explains is a reflection or another error. `AGREEING_POSES` such poses in
-    a row that are consistent with one another are a jump; the track then starts anew at the first
-    of them. (Radar starts tracks in the same way: S. Blackman and R. Popoli, "Design and Analysis
-    of Modern Tracking Systems", 1999, on track confirmation.) Metres, seconds, radians.
+    a row that are consistent with one another are a jump; the track then restarts at the first of
+    them. (Radar starts tracks in the same way: S. Blackman and R. Popoli, "Design and Analysis of
+    Modern Tracking Systems", 1999, on track confirmation.) Metres, seconds, radians.
 
     first, last: the body's first and last pose.
     """
@@ -300,7 +300,7 @@ def _reason(pose: Pose, reference: Reference, bounds: Bounds) -> str:
     off = distance(pose.position, reference.position)
     most = min(_reachable(pose, reference, bounds), bounds.widest)
     if off > most:
-        return f"{off:.2f} m from where it is believed, {most:.2f} m allowed"
+        return f"{off:.2f} m from the estimate, {most:.2f} m allowed"
     if not is_same(pose.attitude, reference.attitude):
-        return "turned by more than 45 deg from the attitude that is believed"
-    return f"{off:.2f} m from where it is believed, more than the spreads explain"
+        return "turned by more than 45 deg from the estimated attitude"
+    return f"{off:.2f} m from the estimate, more than the spreads explain"

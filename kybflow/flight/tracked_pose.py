@@ -12,7 +12,7 @@ nothing compensates the lag.
 
 Attitude and body rates pass the same filter, applied to the rotation, which has no sign to flip.
 The estimate is predicted over the latency to `now`. A turn and an acceleration last for a moment
-only, so they are believed for `MAX_EXTRAPOLATION_S` at most. After that the attitude and the
+only, so they are extrapolated for at most `MAX_EXTRAPOLATION_S`. After that the attitude and the
 velocity stay as they are, the body rates are zero, and the spread grows by a t^2 / 2, which the
 unknown acceleration a = 5 m/s^2 of `kybflow.flight.pose_gate` explains in the time t since then.
 """
@@ -30,7 +30,8 @@ from kybflow.flight.pose_gate import ACCELERATION
 MIN_UPRIGHT = 0.5
 """Least vertical component of body z at which its slope is used as an acceleration."""
 MAX_EXTRAPOLATION_S = 0.1
-"""Age of a pose, seconds, from which on it no longer tells how the body turns and accelerates."""
+"""Age of a pose, seconds, above which it no longer determines the body's rotation and
+acceleration."""
 NOISE_SCALE, MAX_SMOOTHING, MAX_SMOOTHING_UP, WARM_UP_POSES = 0.008, 4.0, 2.0, 60
 
 
@@ -51,8 +52,8 @@ class TrackedParams:
     gap: Duration = param(
         "Time without a pose after which the filter starts again.", default=0.5, above=0.0
     )
-    samples: int = param("Poses before there is an estimate.", default=5, at_least=2)
-    memory: Duration = param("Time over which the spread is taken.", default=0.25, above=0.0)
+    samples: int = param("Number of poses before the first estimate.", default=5, at_least=2)
+    memory: Duration = param("Time window of the spread.", default=0.25, above=0.0)
 
 
 class TrackedPose:

@@ -306,7 +306,10 @@ def _check_velocities(rows: Sequence[TrajectoryPoint], accelerations: Sequence[V
         ):  # fmt: skip
             moved, told = (q - p) / h, 0.5 * (v + w) - h * (d - c) / 12.0
             if abs(moved - told) > _SPEED_TOLERANCE + _SPEED_SHARE * abs(moved):
-                message = f"from the row before it moves {moved:.3g} m/s, but says {told:.3g} m/s"
+                message = (
+                    f"from the row before it moves {moved:.3g} m/s, but its velocity is "
+                    f"{told:.3g} m/s"
+                )
                 raise FileError(message, b.line, "check the columns and units of the velocities")
 
 

@@ -84,7 +84,7 @@ def read_controllers(file: File) -> dict[str, dict[str, Calibration]]:
             raise FileError(f"there is no axis `{axis[:20]}`", number, did_you_mean(axis, AXES))
         if source.removeprefix("-") not in SOURCES:
             hint = did_you_mean(source, SOURCES)
-            raise FileError(f"`{source[:20]}` is no source of an axis", number, hint)
+            raise FileError(f"`{source[:20]}` is not a source of an axis", number, hint)
         ends = (values.get("low", -1.0), values.get("centre", 0.0), values.get("high", 1.0))
         if not ends[0] < ends[1] < ends[2]:
             raise FileError("`low`, `centre` and `high` must rise", number)

@@ -57,9 +57,9 @@ class HapticParams:
     dead_zone: Ratio = param(
         "Deflection that counts as zero.", default=0.1, at_least=0.0, at_most=0.5
     )
-    force: Force = param("Force of a mismatch of 1.", default=4.0, at_least=0.0)
+    force: Force = param("Force at a mismatch of 1.", default=4.0, at_least=0.0)
     spring: Force = param("Force to the centre at `reach`.", default=2.0, at_least=0.0)
-    damping: Force = param("Force against a hand of 1 m/s.", default=4.0, at_least=0.0)
+    damping: Force = param("Damping force at a hand speed of 1 m/s.", default=4.0, at_least=0.0)
     most: Force = param("Largest force.", default=8.0, above=0.0)
 
 

@@ -248,7 +248,7 @@ class ForceDimension:
     def apply_force(self, force: Vec3) -> None:
         x, y, z = force
         if self._dhd.setForce([-x, -y, z]) < 0:
-            raise DriverError("Force Dimension's device takes no force")
+            raise DriverError("Force Dimension's device accepts no force")
 
     def close(self) -> None:
         self._dhd.setForce([0.0, 0.0, 0.0])

@@ -51,7 +51,7 @@ class Keyboard(Input[KeyboardParams]):
     @classmethod
     def open(cls, params: KeyboardParams, sticks_of: SticksOf) -> InputLink:
         if not sys.stdin.isatty():
-            raise DriverError("there is no terminal to press keys in")
+            raise DriverError("there is no terminal for the keyboard")
         screen = sys.__stdout__  # the live table puts another in its place
         shown = screen.fileno() if screen is not None and screen.isatty() else None
         return KeyLink(params, Terminal(sys.stdin.fileno(), shown))

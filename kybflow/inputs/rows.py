@@ -88,7 +88,7 @@ def _axes(columns: list[str], number: int) -> tuple[str, ...]:
         raise FileError("the first column must be `t`", number, f"begin with `{_LIKE}`")
     for name in columns:
         if not _NAME.fullmatch(name) or columns.count(name) > 1:
-            why = "is there twice" if columns.count(name) > 1 else "is not a name"
+            why = "occurs twice" if columns.count(name) > 1 else "is not a name"
             raise FileError(f"the column `{name[:40]}` {why}", number)
     return tuple(name for name in columns[1:] if name not in (BUTTONS, LOST))
 

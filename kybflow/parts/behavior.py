@@ -184,13 +184,14 @@ class Behavior(Part[P]):
     flight: the flight types of the behavior. emits: the kind of setpoint or of command that
     `update` returns. needs_estimate: whether it can fly only with an estimate. needs: kinds of
     measurement to subscribe to while it is active, if the driver provides them. grips: whether
-    `update` may return a Grip. waits_for: a description of what it is waiting for, emitted in
-    `behavior_waits`; None while it isn't waiting. lets_go: whether no command is sent now, so that
-    the vehicle's own watchdog lands it. axes: the axes that the inputs named by its parameters must
-    have. push: the force on the hand of the person who steers, along the axes x, y and z. hears:
-    whether it receives what other vehicles publish. says: what its latest update publishes to them,
-    recorded as a measurement of its class. keeps_pace: whether it flies one straight line at a
-    `pace` and accepts a slower one by `keep`, so that several vehicles arrive together.
+    `update` may return a Grip. waits_for: a description of the obstacle or event that it waits for,
+    emitted in `behavior_waits`; None while it isn't waiting. lets_go: whether no command is sent
+    now, so that the vehicle's own watchdog lands it. axes: the axes that the inputs named by its
+    parameters must have. push: the force on the hand of the person who steers, along the axes x, y
+    and z. hears: whether it receives the messages of other vehicles. says: the message that its
+    latest update publishes to them, recorded as a measurement of its class. keeps_pace: whether it
+    flies one straight line at a `pace` and accepts a slower one by `keep`, so that several vehicles
+    arrive together.
     """
 
     kind = "behaviors"

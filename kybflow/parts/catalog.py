@@ -171,7 +171,7 @@ def _judge_bases(cls: type[Any]) -> None:
     if compiled and not is_compiled(cls):
         raise PartError(
             f"{cls.__module__}.{cls.__name__} inherits from `{compiled[0]}`, which is compiled; "
-            "inherit from what `kybflow.parts` offers, or install kybflow without mypyc"
+            "inherit from classes of `kybflow.parts`, or install kybflow without mypyc"
         )
 
 

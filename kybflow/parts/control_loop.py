@@ -70,19 +70,18 @@ class Estimator(Part[P]):
 
 
 class Processor(Part[P]):
-    """Changes a setpoint on its way to the tracker. Created anew at each take-off.
+    """Changes a setpoint on its way to the tracker. Created at each take-off.
 
     Processors run in the order of the mission while a behavior with an estimate flies: `safety`
     ones from take-off to touch-down, the others only in behaviors that stay in the air. A processor
     that raises is not called again, and its vehicle lands.
 
     accepts: the kinds of setpoint that it accepts, each with the kind that it returns. safety:
-    whether it also runs during take-off and landing. clamps: whether what it cuts off the setpoint
-    is lost (a goal beyond a fence), not only delayed or flown around; it then emits
-    `clamp_started`, and a behavior that ends while its goal is clamped has failed. goes_round:
-    whether it leads the vehicle around obstacles between it and its goal. idle: whether it will
-    never change anything; it is then not called. retunes: the options of the vehicle's tracker that
-    it may change.
+    whether it also runs during take-off and landing. clamps: whether a change of the setpoint is
+    permanent (a goal beyond a fence), not only a delay or a detour; it then emits `clamp_started`,
+    and a behavior that ends while its goal is clamped has failed. goes_round: whether it leads the
+    vehicle around obstacles between it and its goal. idle: whether it will never change anything;
+    it is then not called. retunes: the options of the vehicle's tracker that it may change.
     """
 
     kind = "processors"
@@ -127,7 +126,7 @@ class Processor(Part[P]):
 
 
 class Tracker(Part[P]):
-    """Turns a setpoint into a command. Created anew at each take-off. accepts: kinds of setpoint.
+    """Turns a setpoint into a command. Created at each take-off. accepts: kinds of setpoint.
     emits: the kind of command that it returns; a tracker with several kinds overrides `kinds`."""
 
     kind = "trackers"
@@ -139,12 +138,12 @@ class Tracker(Part[P]):
 
     @classmethod
     def kinds(cls, params: P) -> frozenset[CommandKind]:
-        """Return the kinds of command that it may emit with these parameters."""
+        """Return the kinds of command that the tracker may emit with these parameters."""
         return frozenset({cls.emits})
 
     @classmethod
     def uses(cls, params: P) -> frozenset[MeasurementKind]:
-        """Return the kinds of measurement with which it tracks better, beside the estimate."""
+        """Return the kinds of measurement, beside the estimate, that improve the tracking."""
         return frozenset()
 
     @classmethod

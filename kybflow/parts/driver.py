@@ -32,7 +32,7 @@ class Charge(NamedTuple):
 
 
 class Act(NamedTuple):
-    """Something that a vehicle can perform on request, beside flying its mission. moves: whether
+    """An act that a vehicle can perform on request, apart from flying its mission. moves: whether
     the vehicle moves by itself and doesn't follow commands meanwhile. needs: the driver's parameter
     that must be true for it, None if there is none."""
 
@@ -122,8 +122,8 @@ class Driver(Part[P]):
 
     @classmethod
     def watchdog(cls, params: P) -> str | None:
-        """Return what is dangerous about the vehicle's own watchdog, which lands it if this program
-        dies, or None if nothing is. The reason makes the preflight check fail."""
+        """Return why the vehicle's own watchdog, which should land it if this program dies, is
+        dangerous, or None if it isn't. The reason makes the preflight check fail."""
         return None
 
     @classmethod

@@ -54,7 +54,7 @@ class CommandsFailed(RunEvent):
 
 
 class ClientsRefusedEvent(RunEvent):
-    """Clients, or what they sent, were refused; emitted every 10 s at most."""
+    """Clients, or their messages, were refused; emitted every 10 s at most."""
 
     reason: str
 
@@ -97,7 +97,7 @@ class BehaviorFailed(VehicleEvent):
 
 
 class BehaviorWaits(VehicleEvent):
-    """A behavior waits for something to get out of its way, or for the vehicle."""
+    """A behavior waits for a free path, or for the vehicle."""
 
     behavior: str
     reason: str
@@ -215,7 +215,7 @@ class BodyFroze(VehicleEvent):
 
 
 class BodyJumped(VehicleEvent):
-    """Motion capture shows the vehicle where it can't have flown."""
+    """Motion capture shows the vehicle at a place that it can't have reached."""
 
     needs = "motion capture"
     value: float
@@ -223,7 +223,7 @@ class BodyJumped(VehicleEvent):
 
 
 class BodySwapped(VehicleEvent):
-    """In motion capture the vehicle jumped to where another vehicle was."""
+    """In motion capture the vehicle jumped to another vehicle's position."""
 
     needs = "motion capture"
     other: str
@@ -256,7 +256,7 @@ class CameraFroze(VehicleEvent):
 
 
 class CameraJumped(VehicleEvent):
-    """A camera shows the vehicle far from where the other sensors have it."""
+    """A camera shows the vehicle far from its position by the other sensors."""
 
     needs = "a camera"
     camera: str
@@ -265,7 +265,7 @@ class CameraJumped(VehicleEvent):
 
 
 class CameraSwappedEvent(CameraJumped):
-    """A camera sees the vehicle where another vehicle is."""
+    """A camera shows the vehicle at another vehicle's position."""
 
     other: str
 
@@ -300,7 +300,7 @@ class PartFailedEvent(VehicleEvent):
 
 
 class ClampStarted(VehicleEvent):
-    """A processor keeps the setpoint from where the behavior wants it."""
+    """A processor keeps the setpoint from the behavior's goal."""
 
     processor: str
     reason: str
@@ -491,14 +491,14 @@ class FlowFailed(RunEvent):
 
 
 class DriverChanged(VehicleEvent):
-    """Another flow drives the vehicle."""
+    """Another flow controls the vehicle."""
 
     needs = "flows"
     flow: str
 
 
 class GiveRefused(VehicleEvent):
-    """A flow can't give a vehicle that it doesn't drive."""
+    """A flow can't give a vehicle that it doesn't control."""
 
     needs = "flows"
     flow: str

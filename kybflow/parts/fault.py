@@ -27,7 +27,7 @@ Rotors = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Effect:
-    """What a fault does to one simulated vehicle. The defaults have no effect.
+    """The effects of a fault on one simulated vehicle. The defaults have none.
 
     filter: changes every arriving measurement, including simulated camera frames. repeats: whether
     the filter sends earlier measurements again; it then runs after all other filters. wind: wind
@@ -38,8 +38,8 @@ class Effect:
     of commands, seconds. body: the vehicle whose poses motion capture reports for this one. camera:
     the degradation of its simulated cameras. view: the vehicle from whose position its cameras see.
     estimator: the name of the estimator that fails. deaf: nothing from the vehicle arrives over its
-    link. mute: nothing sent over its link reaches the vehicle. silent: what it publishes to other
-    vehicles is lost.
+    link. mute: nothing sent over its link reaches the vehicle. silent: its messages to other
+    vehicles are lost.
     """
 
     filter: Filter | None = None
@@ -105,7 +105,7 @@ class ActiveFaults:
 
     @property
     def blows(self) -> bool:
-        """Whether any effect has wind."""
+        """Whether any effect is a wind."""
         return any(e.wind is not None for e, _ in self._effects)
 
     def wind(self, now: Time) -> Vec3:

@@ -216,11 +216,11 @@ OBSERVABLES: dict[str, Observable] = {
         reach=lambda e: (e.spread, e.error),
     ),
     "position_error": Observable(
-        "Distance in the air from where the behavior wants it.", LENGTH, _position_error, low=0.0,
+        "Distance from the behavior's setpoint, in the air.", LENGTH, _position_error, low=0.0,
         reach=lambda e: (0.0, e.error),
     ),
     "velocity_error": Observable(
-        "Norm of the velocity's difference in the air from what the behavior wants.",
+        "Norm of the velocity's deviation from the behavior's setpoint, in the air.",
         SPEED,
         _velocity_error,
         low=0.0,
@@ -230,13 +230,13 @@ OBSERVABLES: dict[str, Observable] = {
     "behavior": Observable("Name of the present state.", None, lambda v: v.behavior),
     "estimator": Observable("Name of the estimator in use.", None, lambda v: v.estimator),
     "payload": Observable(
-        "Where the payload is, as the vehicle acknowledged it.",
+        "State of the payload that the vehicle has acknowledged.",
         None,
         lambda v: v.payload.value,
         words=tuple(state.value for state in PayloadState),
     ),
     "payload.releases": Observable(
-        "How often it was released.", NUMBER, lambda v: float(v.releases), low=0.0
+        "Number of releases.", NUMBER, lambda v: float(v.releases), low=0.0
     ),
     "sticks.roll": Observable(
         "A pilot's stick, 1 to the right.", NUMBER, lambda v: v.sticks.roll, -1.0, 1.0

@@ -57,7 +57,7 @@ def read_earlier_run(folder: Path) -> EarlierRun:
         )
     except OSError as error:
         reason = f"`{error.filename}`: {error.strerror}"
-        raise RunFolderError(f"`{folder}` is no run that can be repeated: {reason}") from error
+        raise RunFolderError(f"`{folder}` is not a run that can be repeated: {reason}") from error
     except (ValueError, LookupError, TypeError, AttributeError) as error:
         reason = f"`{PROVENANCE}` or `{EVENTS}` is damaged"
         raise RunFolderError(f"`{folder}` can't be repeated: {reason}") from error

@@ -67,8 +67,8 @@ NO_MESSAGES = Messages(np.zeros(0, np.int64), np.zeros(0, np.int64), b"")
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording. mission: the metadata, of which `recording.layout.head` says what it holds.
-    topics: the messages of each topic that has any."""
+    """A recording. mission: the metadata, as in `recording.layout.head`. topics: the messages of
+    each topic that has any."""
 
     mission: dict[str, Any]
     topics: dict[str, Messages]
@@ -88,8 +88,8 @@ class Recording:
 
 
 def read_recording(path: Path) -> Recording:
-    """Read the recording at `path`. Raises OSError, ValueError or McapError for a file that is no
-    recording, or one of another version of kybflow."""
+    """Read the recording at `path`. Raises OSError, ValueError or McapError for a file that is not
+    a recording, or is one of another version of kybflow."""
     mission: dict[str, Any] = {}
     channels: dict[int, _Collected] = {}
     with path.open("rb") as file:

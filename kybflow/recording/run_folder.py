@@ -249,10 +249,11 @@ def _check_empty(path: Path) -> None:
     if foreign:
         more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
         raise RunFolderError(
-            f"`{path}` holds files of no run (`{foreign[0]}`{more}); name another folder"
+            f"`{path}` contains files that are not of a run (`{foreign[0]}`{more}); name another "
+            "folder"
         )
     if found:
-        raise RunFolderError(f"`{path}` holds an earlier run; name another folder, or remove it")
+        raise RunFolderError(f"`{path}` contains an earlier run; name another folder, or remove it")
 
 
 def copies(files: Iterable[File], taken: Container[str]) -> dict[str, File]:

@@ -248,7 +248,7 @@ def read_run(folder: Path) -> Run:
         pictures = read_pictures(folder)
         inputs = read_inputs(folder)
     except (OSError, ValueError, FileError, McapError) as error:
-        raise RunFolderError(f"`{folder}` is no readable run: {error}") from error
+        raise RunFolderError(f"`{folder}` is not a readable run: {error}") from error
     end = log.end / NS
     tracks = tuple(
         _track(name, facts, log, _visits(events, name, facts["states"], end), summary)

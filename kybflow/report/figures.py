@@ -140,7 +140,7 @@ def _from_above(run: Run) -> plot.Figure:
 
 def _moment(run: Run, moment: float) -> list[dict[str, Any]]:
     """Draw a dot for each vehicle that flies at `moment` (s), and lines between vehicles in the
-    same state if its behavior uses what the others publish."""
+    same state if its behavior uses the others' published data."""
     places = {}
     for track, colour in plot.coloured(run):
         here = _at(track, np.array([moment]))[0] if len(track.time) else np.full(3, np.nan)

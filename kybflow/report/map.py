@@ -153,8 +153,9 @@ Coordinates = list[float | None]
 
 
 def outline(shape: Shape, window: Extent) -> tuple[Coordinates, Coordinates]:
-    """Return the outline of an obstacle from above as x and y coordinates. A wall is a line through
-    the window; a floor or ceiling has no outline. None separates several outlines."""
+    """Return the outline of an obstacle, seen from above, as x and y coordinates; None separates
+    several outlines. A wall is a line across the map's window; a floor or ceiling has no
+    outline."""
     if isinstance(shape, Box):
         (x0, y0, _), (x1, y1, _) = shape
         return [x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0]

@@ -104,7 +104,7 @@ def input_lines(
             for state in v.states.values()
             if own.name in named_in(state.behavior.params, "input").values()
         )
-        vehicle, well = next(steered, plan.vehicles[0].name), "it is heard, and well"
+        vehicle, well = next(steered, plan.vehicles[0].name), "it works"
         yield PreflightResult(vehicle, f"input {own.name}", reason is None, reason or well, own.at)
 
 
@@ -115,7 +115,7 @@ def clock_lines(plan: Plan, ticks: TickCount) -> Iterator[PreflightResult]:
         return
     green, waits, reason = ticks.share >= LEAST_TICKS, None, str(ticks)
     if not ticks.due:
-        green, waits, reason = False, True, "its ticks are counted for a second"
+        green, waits, reason = False, True, "its ticks are being counted for one second"
     elif not green:
         reason += ": end other programs, or declare a lower rate as `control`"
     yield PreflightResult(plan.vehicles[0].name, "computer", green, reason, waits=waits)
@@ -190,7 +190,7 @@ def _heading(vehicle: Vehicle, estimate: Estimate) -> PreflightResult:
     green = off <= MOST_TURNED
     if not green:
         reason += (
-            f": turn the vehicle, define its body anew with the x axis along the nose, or write"
+            f": turn the vehicle, redefine its body with the x axis along the nose, or write"
             f" `heading: {degrees(found):.0f} deg` in `start`"
         )
     return PreflightResult(vehicle.name, "heading", green, reason, vehicle.plan.at)
@@ -201,17 +201,17 @@ def _frame(vehicle: Vehicle, at: str) -> PreflightResult:
     frame, name = vehicle.knowledge.frame, vehicle.name
     slant, most = frame.slant, degrees(MOST_SLANT)
     if frame.shake > MOST_SHAKE:
-        reason = f"its poses at rest waver by {frame.shake:.2f} m: check the stream's `units`"
+        reason = f"its poses at rest vary by {frame.shake:.2f} m: check the stream's `units`"
         return PreflightResult(name, "frame", False, reason, at)
     if slant is None:
-        reason = "not judged, as no IMU is heard: `units` and `axes` of the stream can't be checked"
+        reason = "not checked: `units` and `axes` of the stream need an IMU"
         return PreflightResult(name, "frame", True, reason, at)
     green = slant <= MOST_SLANT
     reason = f"{degrees(slant):.0f} deg off gravity ({most:.0f} deg allowed)"
     if not green:
-        reason += ": define the vehicle's body anew while it stands level, or check the `axes`"
+        reason += ": redefine the vehicle's body while it stands level, or check the `axes`"
     elif not frame.is_judged:
-        reason += "; the IMU is heard too seldom to check `units` and `axes` in flight"
+        reason += "; the IMU is too slow to check `units` and `axes` in flight"
     return PreflightResult(name, "frame", green, reason, at)
 
 

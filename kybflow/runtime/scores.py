@@ -118,9 +118,10 @@ class VehicleScore:
         self.flights.append((t_s, None) if is_in_air else (self.flights.pop()[0], t_s))
 
     def foreign(self, reason: str, allowed: bool) -> None:
-        """Record that somebody else commanded the vehicle; unless `allowed`, this is a failure."""
+        """Record that another program commanded the vehicle; unless `allowed`, this is a
+        failure."""
         if not allowed and not self.foreign_commands:
-            self.failures.append(f"somebody else commanded it: {reason}")
+            self.failures.append(f"another program commanded it: {reason}")
         self.foreign_commands.append(reason)
 
     def estimator(self, name: str, t_s: float) -> None:

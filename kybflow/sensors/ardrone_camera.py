@@ -37,7 +37,7 @@ CHUNK = 1 << 16
 class ArdroneCameraParams(WhichCamera):
     host: str = param("The drone's IPv4 address.", default="192.168.1.1")
     latency: Duration = param(
-        "From the middle of a frame's exposure to its arrival.",
+        "Time from the middle of a frame's exposure to its arrival.",
         default=0.1, at_least=0.0, at_most=1.0,
     )  # fmt: skip
 

@@ -122,7 +122,7 @@ class CameraSensorParams(WhichCamera):
     device: int = param("Number of the device.", default=0, at_least=0)
     video: FilePath | None = param("File with a recorded video, instead of a device.", default=None)
     latency: Duration = param(
-        "From the middle of a frame's exposure to its arrival.",
+        "Time from the middle of a frame's exposure to its arrival.",
         default=0.03, at_least=0.0, at_most=1.0,
     )  # fmt: skip
 
@@ -247,7 +247,7 @@ class Video(Stream):
             arrived.append(frame_of(image, time, self._camera))
             self._next = self._grabbed()
         if not arrived and self._next is None:
-            raise DriverError("the video is over")
+            raise DriverError("the video has ended")
         return arrived
 
     def close(self) -> None:

@@ -39,7 +39,7 @@ _ON_BOARD = 0.02
 @params
 class SimulatedCameraParams(CalibrationErrors, Optics):
     latency: Duration = param(
-        "From the middle of a frame's exposure to its arrival.",
+        "Time from the middle of a frame's exposure to its arrival.",
         default=0.04, at_least=0.0, at_most=1.0,
     )  # fmt: skip
     calm: bool | None = param(

@@ -94,14 +94,14 @@ def read_tags(file: File) -> tuple[TagRow, ...]:
     for line, numbers, words in table.rows:
         family = words["family"]
         if family not in FAMILIES:
-            message = f"`{family[:20]}` is no family of tags"
+            message = f"`{family[:20]}` is not a family of tags"
             raise FileError(message, line, did_you_mean(family, FAMILIES))
         number, most = numbers["id"], FAMILIES[family][1] - 1
         if not (number.is_integer() and 0 <= number <= most):
             message = f"{family} has no tag {number:g}"
             raise FileError(message, line, f"its tags are 0 to {most}")
         if not 0.0 < numbers["size"] <= MAX_TAG:
-            hint = "name the unit in the first line if it is no metres, like `size [cm]`"
+            hint = "name the unit in the first line unless it is metres, like `size [cm]`"
             raise FileError(f"`size` must be above 0 m and at most {MAX_TAG:g} m", line, hint)
         turn = from_euler(numbers.get("roll", 0.0), numbers.get("pitch", 0.0), numbers["heading"])
         at = numbers["x"], numbers["y"], numbers["z"]

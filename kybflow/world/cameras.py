@@ -117,7 +117,7 @@ class Optics:
 
     exposure: Duration = param("Exposure time of a row.", default=0.004, at_least=0.0, at_most=0.1)
     row_time: Duration = param(
-        "From the start of a row's exposure to the next row's; zero is a global shutter.",
+        "Time between the exposures of successive rows; zero for a global shutter.",
         default=3e-5, at_least=0.0, at_most=1e-3,
     )  # fmt: skip
     brightness: Ratio = param(

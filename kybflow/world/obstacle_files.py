@@ -74,7 +74,7 @@ def read_points(file: File) -> NDArray[Any]:
     wrong = ~np.isfinite(points).all(axis=1)
     if wrong.any():
         message = f"{int(wrong.sum())} of its {len(points)} points are not finite"
-        hint = "leave out what the scanner did not see"
+        hint = "leave out points that the scanner did not see"
         raise FileError(message, hint=hint)
     return points
 
@@ -100,7 +100,9 @@ def _numbers(line: int, words: list[str]) -> tuple[float, ...]:
     if len(numbers) != 3:
         raise FileError("no point: three numbers are needed", line)
     if not all(map(isfinite, numbers)):
-        raise FileError("the point is not finite", line, "leave out what the scanner did not see")
+        raise FileError(
+            "the point is not finite", line, "leave out points that the scanner did not see"
+        )
     return numbers
 
 
@@ -134,7 +136,7 @@ def _header(text: str) -> _Header:
         raise FileError("the PLY header has no end", hint="it ends with a line `end_header`")
     order = re.search(r"^format[ \t]+(\w+)", head, re.MULTILINE)
     if order is None or order[1] not in _ORDERS:
-        raise FileError("the PLY header has no format that is known")
+        raise FileError("the PLY header has no known format")
     many, properties = _vertices(head)
     size = len((head + ended).encode("utf-8", "surrogateescape"))
     newline = 2 if rest.startswith("\r\n") else 1
@@ -148,7 +150,7 @@ def _vertices(head: str) -> tuple[int, dict[str, str]]:
         match line.split():
             case ["element", str(element), str(count)] if count.isdecimal():
                 if len(count) > _LONGEST_COUNT:
-                    raise FileError("no file has so many elements", number)
+                    raise FileError("the number of elements is too large", number)
                 if element == "vertex":
                     many = int(count)
                 elif many < 0 and int(count):
@@ -193,13 +195,13 @@ def read_info(file: File) -> MapInfo:
         OverflowError,
     ):  # fmt: skip
         hint = "it needs `image`, `resolution`, `origin: [x, y, yaw]` and `occupied_thresh`"
-        raise FileError("it is no map of ROS's map_server", hint=hint) from None
+        raise FileError("it is not a map of ROS's map_server", hint=hint) from None
     if not isinstance(image, str):
-        raise FileError("`image` is no name of a file")
+        raise FileError("`image` is not a file name")
     if not _MIN_CELL <= resolution <= _MAX_CELL or not 0.0 < occupied < 1.0:
         raise FileError("`resolution` or `occupied_thresh` is out of bounds")
     if not max(abs(x), abs(y)) <= MAX_RANGE or not abs(turned) <= 2 * pi:
-        raise FileError("`origin` is no place")
+        raise FileError("`origin` is not a position")
     return MapInfo(image, resolution, (x, y, turned), occupied, negate)
 
 
@@ -212,7 +214,7 @@ def read_image(file: File) -> NDArray[Any]:
         words.append(match[1])
         place = match.end()
     if len(words) < 4 or words[0] not in (b"P2", b"P5"):
-        raise FileError("it is no PGM picture", hint="convert it: `convert map.png map.pgm`")
+        raise FileError("it is not a PGM picture", hint="convert it: `convert map.png map.pgm`")
     try:
         width, height, most = (int(word) for word in words[1:])
         values = (

@@ -198,10 +198,12 @@ class MovingSphere:
     It moves along straight lines through the points `along` and stops at each.
     """
 
-    along: Path = key("Its path through these points, where it is simulated.")
+    along: Path = key("Its path through these points, in simulation.")
     radius: Length = key("Its radius.", above=0.0)
     speed: Speed = key("Its greatest speed.", above=0.0, at_most=2.0)
-    body: str | None = key("Its name in motion capture, the obstacle's by default.", default=None)
+    body: str | None = key(
+        "Its name in motion capture; by default that of the obstacle.", default=None
+    )
 
     def at(self, seconds: float) -> Vec3:
         """Return the position of the centre this long after the start."""

@@ -57,7 +57,7 @@ class TagMap:
         self._cells: dict[tuple[int, int], list[Tag]] = {}
         for tag in tags:
             if tag.key in self._tags:
-                raise ValueError(f"the tag {tag.id} of {tag.family} is there twice")
+                raise ValueError(f"the tag {tag.id} of {tag.family} is listed twice")
             self._tags[tag.key] = tag
             self._cells.setdefault(_cell(tag.position[0], tag.position[1]), []).append(tag)
         self.families = tuple(sorted({tag.family for tag in self._tags.values()}))

@@ -103,7 +103,7 @@ class Airframe:
     """A quadrotor's nominal data. The simulated vehicle may differ from it, like a real one."""
 
     mass: Mass = param("Mass, ready to fly.", above=0.0)
-    diameter: Length = param("From rotor hub to rotor hub, diagonally.", above=0.0)
+    diameter: Length = param("Diagonal distance between rotor hubs.", above=0.0)
     inertia: Inertias = param("Moments of inertia about body x, y, z.")
     thrust: Force = param("Largest thrust of one rotor.", above=0.0)
     torque_ratio: Length = param(
@@ -116,9 +116,9 @@ class Airframe:
     tilt: Angle = param(
         "Largest tilt that a tracker may command.", default=0.349, above=0.0, below=1.3
     )
-    speed: Speed = param("Largest speed that a mission may ask for.", default=1.0, above=0.0)
+    speed: Speed = param("Largest speed that a mission may request.", default=1.0, above=0.0)
     climb: Speed = param(
-        "Largest vertical speed that a mission may ask for.", default=1.0, above=0.0
+        "Largest vertical speed that a mission may request.", default=1.0, above=0.0
     )
     endurance: Duration = param("Hovering time on a full battery.", default=900.0, above=0.0)
     voltage_spread: Ratio = param(
@@ -172,13 +172,13 @@ class Parcel:
     """A payload that a vehicle carries and can release: a box under its rotors, whose lower side is
     level with the legs."""
 
-    mass: Mass = param("Mass; controllers don't know it.", above=0.0)
+    mass: Mass = param("Mass, which controllers don't know.", above=0.0)
     size: Length = param("Side of the box, a cube.", above=0.0)
     channel: int = param(
-        "Channel of the servo that holds it, from 1; of an autopilot the auxiliary output.",
+        "Channel of the payload's servo, from 1; the auxiliary output of an autopilot.",
         default=1, at_least=1,
     )  # fmt: skip
-    aboard: bool = param("Whether it is on board when the mission begins.", default=True)
+    aboard: bool = param("Whether the payload is on board when the mission begins.", default=True)
 
 
 class VehicleContext(NamedTuple):

@@ -78,7 +78,7 @@ def test_a_new_mission_brings_the_files_that_it_names(tmp_path: Path) -> None:
     assert written == (brought, tmp_path / "mine.yaml", tmp_path / SCHEMA)
     assert scaffold("other", "trajectory", tmp_path) == (tmp_path / "other.yaml",)
     brought.write_text("mine")
-    with pytest.raises(KybflowError, match="is there already"):
+    with pytest.raises(KybflowError, match="already exists"):
         scaffold("third", "trajectory", tmp_path)
     assert not (tmp_path / "third.yaml").exists()
 
@@ -93,7 +93,7 @@ def test_new_overwrites_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     Path(SCHEMA).write_text("{}")
     code, text = printed("new", "hop", "--from", "survey")
     assert code == 2
-    assert "`hop.yaml` is there already" in text
+    assert "`hop.yaml` already exists" in text
     assert printed("new", "skip") == (0, "wrote skip.yaml\nfly it: kybflow run skip.yaml\n")
     assert (Path("hop.yaml").read_text(), Path(SCHEMA).read_text()) == ("mine", "{}")
 

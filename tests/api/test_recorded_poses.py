@@ -33,8 +33,8 @@ def test_of_a_killed_run_they_are_read_as_far_as_they_go(tmp_path: Path) -> None
 
 
 def test_what_is_no_recording_is_told(tmp_path: Path) -> None:
-    with pytest.raises(RunFolderError, match="is no recording of a run"):
+    with pytest.raises(RunFolderError, match="is not a recording of a run"):
         read_recorded_poses(tmp_path, "mk")
     (tmp_path / LOG).write_text("none at all", encoding="utf-8")
-    with pytest.raises(RunFolderError, match="is no recording of a run"):
+    with pytest.raises(RunFolderError, match="is not a recording of a run"):
         read_recorded_poses(tmp_path, "mk")

@@ -121,7 +121,7 @@ def test_two_that_swap_places_on_one_line_are_told_with_both_lines(tmp_path: Pat
 
     assert found(braked) == ["KYB474", "KYB474"]
     first, second = braked.diagnostics
-    assert first.message.startswith("the failsafe answers `over` of `a` with `brake` at 6.")
+    assert first.message.startswith("the failsafe reacts to `over` of `a` with `brake` at 6.")
     assert (first.span.line, second.span.line) == (12, 17)
     assert first.notes[0].startswith("`b` is in `over` (fly_to) at [0.")
     assert first.notes[0].endswith("mission.yaml:17)")
@@ -170,7 +170,7 @@ def test_a_labs_own_behavior_that_leaves_the_fence(tmp_path: Path) -> None:
     assert held.code == left.code == "KYB473"
     assert (held.span.line, left.span.line) == (12, 12)
     assert "`fence` keeps the setpoint" in held.label
-    assert "outside of the fence" in left.label
+    assert "outside the fence" in left.label
     assert "`own` (drift) leads `a` out of bounds at " in left.message
 
 
@@ -320,7 +320,7 @@ def test_members_that_come_too_close_are_not_told_to_come_in_turns(tmp_path: Pat
     diagnostics = rehearsed(FORMED % "side: 30 cm, path: [[1, 0.5, 1]]", tmp_path).diagnostics
     hints = {d.help for d in diagnostics if d.code == "KYB474"}
 
-    assert hints == {"keep their ways apart, in height or in time, or move the bound"}
+    assert hints == {"keep their paths apart, in height or in time, or move the bound"}
 
 
 def test_a_persons_events_come_two_seconds_after_they_are_waited_for(tmp_path: Path) -> None:
@@ -366,7 +366,7 @@ def test_a_behavior_that_fails_or_takes_too_long(tmp_path: Path) -> None:
     [fails] = rehearsed(once, tmp_path).diagnostics
 
     assert late.code == "KYB476"
-    assert late.message.startswith("`up` of `a` is not done within its time of 4.7 s, at 4.8 s")
+    assert late.message.startswith("`up` of `a` is not done within its limit of 4.7 s, at 4.8 s")
     assert fails.code == "KYB475"
     assert fails.message.startswith("`own` (release_payload) of `a` fails at ")
     assert fails.label == "no payload is on board"

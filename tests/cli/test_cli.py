@@ -209,7 +209,9 @@ def test_events_are_given_while_it_flies(tmp_path: Path) -> None:
 def test_an_event_whose_time_never_came_is_told(tmp_path: Path) -> None:
     words = ("--emit", "operator.land@1s", "--emit", "operator.pause@9000s", "--no-report")
     result = invoke("run", FIRST, "--out", str(tmp_path), *words)
-    assert "`operator.pause` at 9000 s was never given: the run ended before" in result.output
+    assert (
+        "`operator.pause` at 9000 s was never given, because the run ended first" in result.output
+    )
     assert "`operator.land` at" not in result.output
 
 
@@ -273,7 +275,7 @@ def test_a_library_is_told_to_be_no_mission(command: str) -> None:
     library = ROOT / "missions" / "library" / "airframes.yaml"
     result = invoke(command, str(library))
     assert result.exit_code == 2
-    assert f"{library} is a library, no mission" in result.output
+    assert f"{library} is a library, not a mission" in result.output
 
 
 def test_the_version_needs_no_command() -> None:
@@ -331,7 +333,7 @@ def test_an_earlier_run_is_not_replaced(tmp_path: Path) -> None:
     summary = (tmp_path / "summary.json").read_bytes()
     again = invoke(*words)
     assert again.exit_code == 2
-    assert "holds an earlier run; name another folder, or remove it" in again.output
+    assert "contains an earlier run; name another folder, or remove it" in again.output
     assert (tmp_path / "summary.json").read_bytes() == summary
 
 
@@ -369,7 +371,7 @@ def test_show_tells_groups_flows_callbacks_faults_and_world() -> None:
     formation = invoke("show", str(ROOT / "missions" / "formation.yaml")).output
     assert "world\n  fence from [-3, -3, 0] m to [3, 3, 2.5] m\n" in formation
     assert "groups\n  swarm: a, b, c, d\n" in formation
-    assert "flow solo (drives what it is given; begins with leave)\n" in formation
+    assert "flow solo (drives given vehicles; begins with leave)\n" in formation
     assert "others: turn; give d to solo (event solo.finished: again)\n" in formation
     steered = invoke("show", str(ROOT / "missions" / "joystick.yaml")).output
     assert "stick: script (a is take; b is give; y is land; dead man: right_shoulder)" in steered

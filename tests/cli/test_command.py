@@ -85,7 +85,7 @@ def test_a_person_commands_a_run(flying: subprocess.Popen[str]) -> None:
     assert json.loads(Path("run-a/summary.json").read_text())["outcome"] == "succeeded"
     assert not Path("run-a/control.json").exists()
     code, _, error = told("run-a", "land")
-    assert (code, error) == (2, "no run that takes commands flies in `run-a`")
+    assert (code, error) == (2, "no run that accepts commands flies in `run-a`")
 
 
 @pytest.mark.thorough
@@ -107,7 +107,7 @@ def test_a_killed_run_is_told_and_its_socket_removed(flying: subprocess.Popen[st
     [
         (["swich", "mk", "hold"], "there is no command `mk`"),
         (["switch", "mk"], "`switch` is written `switch VEHICLE STATE"),
-        (["eight"], "`eight` is no command, or a run without a command"),
+        (["eight"], "`eight` is not a command, or is a run without a command"),
         (["eight", "state", "now"], "there is no command `state`"),
         ([], "Missing argument"),
     ],

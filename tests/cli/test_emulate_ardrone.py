@@ -9,8 +9,8 @@ from toolchain import invoke
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["--host", "192.168.1.1"], 3, "192.168.1.1 is no loopback address"),
-        (["--host", "drone"], 3, "`drone` is no IPv4 address"),
+        (["--host", "192.168.1.1"], 3, "192.168.1.1 is not a loopback address"),
+        (["--host", "drone"], 3, "`drone` is not an IPv4 address"),
         (["--fail", "nonsense"], 2, "nothing called `nonsense` can fail"),
         (["--loss", "2"], 2, "--loss"),
         (["--loss", "nan"], 2, "nan is not finite"),

@@ -270,7 +270,7 @@ def test_listening_to_nobody_fails() -> None:
         (["setup", "--vehicle", "px4", "--address", "udp:14540"], "could mean two things"),
         (["setup", "--vehicle", "px4", "--key", "/nonexistent"], "no key can be read"),
         (["setup", "--vehicle", "px4", "--system", "0"], "--system"),
-        (["listen", "--address", "nowhere"], "is no MAVLink address"),
+        (["listen", "--address", "nowhere"], "is not a MAVLink address"),
         (["listen", "--address", "udpin:14540", "--for", "5 m"], "is a length"),
         (["listen", "--address", "udpin:14540", "--for", "0 s"], "--for"),
     ],

@@ -61,7 +61,7 @@ def test_a_finding_ends_with_1_and_a_wrong_command_line_with_2(mission: str) -> 
         late.output
     )
     assert "waits for the event `operator.down`" in late.output
-    assert "error[KYB476]: `up` of `nano` is not done within its time of 4.7 s" in tight.output
+    assert "error[KYB476]: `up` of `nano` is not done within its limit of 4.7 s" in tight.output
     assert "doesn't wait for `operator.up`" in wrong.output
 
 
@@ -129,7 +129,7 @@ def test_the_preflight_has_a_line_of_it(mission: str) -> None:
     assert (good.exit_code, bad.exit_code) == (0, 1)
     assert "green  all   rehearsal    " in good.output
     assert (
-        "RED    all   rehearsal    `up` of `nano` is not done within its time of 4.7 s"
+        "RED    all   rehearsal    `up` of `nano` is not done within its limit of 4.7 s"
         in bad.output
     )
 

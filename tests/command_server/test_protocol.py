@@ -93,13 +93,13 @@ def test_whatever_arrives_is_a_request_or_refused_in_short(line: bytes) -> None:
 @pytest.mark.parametrize(
     ("line", "reason", "number"),
     [
-        (b"", "the line is no JSON", None),
-        (b"\xff{}", "the line is no JSON", None),
-        (b"[" * 10_000, "the line is no JSON", None),
-        (b"9" * 10_000, "the line is no JSON", None),
-        (b"[1]", "the line is no JSON object", None),
+        (b"", "the line is not JSON", None),
+        (b"\xff{}", "the line is not JSON", None),
+        (b"[" * 10_000, "the line is not JSON", None),
+        (b"9" * 10_000, "the line is not JSON", None),
+        (b"[1]", "the line is not a JSON object", None),
         (b'{"id": NaN}', "JSON has no NaN and no infinity", None),
-        (b'{"id": 1, "id": 2, "ask": "state"}', "`id` is there twice", None),
+        (b'{"id": 1, "id": 2, "ask": "state"}', "`id` is given twice", None),
         (b'{"id": true, "ask": "state"}', "`id` is not a whole number from 0", None),
         (b'{"id": -1, "ask": "state"}', "`id` is not a whole number from 0", None),
         (b'{"ask": "state"}', "`id` is not a whole number from 0", None),
@@ -114,7 +114,7 @@ def test_whatever_arrives_is_a_request_or_refused_in_short(line: bytes) -> None:
         (b'{"id": 7, "command": "stpo"}', "there is no command `stpo`; did you mean `stop`?", 7),
         (b'{"id": 7, "command": "switch mk"}', "`switch` is written `switch VEHICLE", 7),
         (b'{"id": 7, "ask": "land"}', "`ask` is neither `state` nor `watch`", 7),
-        (b'{"id": 7, "name": "  "}', f"a name has 1 to {LONGEST_NAME} letters", 7),
+        (b'{"id": 7, "name": "  "}', f"a name has 1 to {LONGEST_NAME} characters", 7),
     ],
 )
 def test_what_is_no_request_is_refused(line: bytes, reason: str, number: int | None) -> None:

@@ -155,9 +155,9 @@ def test_a_run_is_found_by_folder_name_mission_or_because_it_is_alone(
 def test_what_is_not_clear_is_refused_with_what_there_is(
     user: Path, flying, tmp_path: Path
 ) -> None:
-    with pytest.raises(RunNotFound, match=r"^no run flies and takes commands$"):
+    with pytest.raises(RunNotFound, match=r"^no run flies and accepts commands$"):
         find_run(None)
-    with pytest.raises(RunNotFound, match=f"^no run that takes commands flies in `{tmp_path}`$"):
+    with pytest.raises(RunNotFound, match=f"^no run that accepts commands flies in `{tmp_path}`$"):
         find_run(str(tmp_path))
     one, _ = flying("eight-1"), flying("eight-2")
     with pytest.raises(RunNotFound, match="several runs fly: `eight-1`, `eight-2`; name one"):

@@ -95,7 +95,7 @@ class Unplugged(Link):
 
     def read(self, now):
         if now >= NS:
-            raise DriverError("system 1 was not heard for 10 s")
+            raise DriverError("system 1 was silent for 10 s")
         return ()
 
     def send(self, command, now):
@@ -105,7 +105,7 @@ class Unplugged(Link):
 def test_the_preflight_of_a_missing_device_ends_as_its_run_does(run, capsys, monkeypatch):
     own = vehicle("a", [up("down"), down()], driver=wrapped(lambda _, link: Unplugged()))
     found = inspect(plan(own))
-    assert found.driver_failed == "DriverError: system 1 was not heard for 10 s"
+    assert found.driver_failed == "DriverError: system 1 was silent for 10 s"
     assert [line.check for line in found.lines] == ["link"]
     flown, _ = run(own)
     result = SimpleNamespace(texts={})
@@ -114,4 +114,4 @@ def test_the_preflight_of_a_missing_device_ends_as_its_run_does(run, capsys, mon
         preflight.command(Path("m.yaml"), sets=[])
     assert end.value.exit_code == flown.exit_code == EXIT_CODES["driver_failed"]
     printed = " ".join(capsys.readouterr().out.split())
-    assert "RED a link DriverError: system 1 was not heard for 10 s" in printed
+    assert "RED a link DriverError: system 1 was silent for 10 s" in printed

@@ -46,7 +46,7 @@ def test_quantities_are_read_in_si(value, text, dimension):
     [
         ("20", ANGLE, "an angle needs a unit", "write `20 deg` or `20 rad`"),
         ("2 s", LENGTH, "`2 s` is a duration, but a length is needed", "write it like `1.2 m`"),
-        ("2 metres", LENGTH, "`metres` is no unit of length", "`m`, `cm`, `mm`, `km`"),
+        ("2 metres", LENGTH, "`metres` is not a unit of length", "`m`, `cm`, `mm`, `km`"),
         ("fast", SPEED, "`fast` is not a speed", "write it like `0.5 m/s`"),
         ("nan", LENGTH, "`nan` is not a length", "1.2 m"),
         ("inf m", LENGTH, "`inf m` is not a length", "1.2 m"),
@@ -56,7 +56,7 @@ def test_quantities_are_read_in_si(value, text, dimension):
         ("1 ,5 m", LENGTH, "`1 ,5 m` is not a length", "write `1.5 m`"),
         ("- 1 m", LENGTH, "`- 1 m` is not a length", "write `-1 m`"),
         ("\u22121 m", LENGTH, "is not a length", "write `-1 m`"),
-        ("1\u00a0m", LENGTH, "has another keyboard's characters", "write `1 m`"),
+        ("1\u00a0m", LENGTH, "has characters of another script", "write `1 m`"),
         ("\uff11 m", LENGTH, "is not a length", "write `1 m`"),
     ],
 )

@@ -145,7 +145,7 @@ def test_it_is_recorded_by_its_name_with_its_units(lab: Path) -> None:
     schema, _, newest = ranges[-1]
     assert schema.name == "kybflow/FloorRange"
     assert schema.data.decode() == (
-        "int64 time  # ns; when it was true. It arrived at the message's log time.\n"
+        "int64 time  # ns; the time of measurement. It arrived at the message's log time.\n"
         "float64 distance  # m, along body -z\n"
         "bool is_valid  # false: nothing in reach\n"
     )

@@ -43,7 +43,7 @@ def test_what_a_page_is_about_is_shown_with_its_report() -> None:
 def test_a_code_shows_wrong_and_right() -> None:
     code, text = printed("explain", "kyb203")
     assert code == 0
-    assert "Wrong: a behavior can't follow another\n" in text
+    assert "Wrong: a behavior that can't follow another\n" in text
     assert "error[KYB203]: `rest` can't follow `up`" in text
     assert "Right:\n    -      up:   {do: take_off" in text
 

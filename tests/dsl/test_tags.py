@@ -128,7 +128,7 @@ def test_a_table_of_tags() -> None:
         (HEAD, 0, "it has no tags"),
         ("id, size\n1, 2\n", 1, "the column `family` is missing"),
         ("family, id, size, x, y, z, heading\n", 1, "`heading` needs a unit"),
-        (HEAD + "36h12, 1, 0.1, 0, 0, 0, 0\n", 2, "`36h12` is no family of tags"),
+        (HEAD + "36h12, 1, 0.1, 0, 0, 0, 0\n", 2, "`36h12` is not a family of tags"),
         (HEAD + "36h11, 587, 0.1, 0, 0, 0, 0\n", 2, "36h11 has no tag 587"),
         (HEAD + "36h11, 1.5, 0.1, 0, 0, 0, 0\n", 2, "36h11 has no tag 1.5"),
         (HEAD + "36h11, -1, 0.1, 0, 0, 0, 0\n", 2, "36h11 has no tag -1"),

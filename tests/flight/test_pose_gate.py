@@ -92,7 +92,7 @@ def test_what_is_refused_is_told_with_its_reason_and_it_ends_when_the_gate_opens
     watched = Watched((1.5, 0.0, 0.0)).fly(unseen(offset(ZERO, 0.0), 1.0, 2.6), 2.8)
     [(when, reason)] = watched.refused
     assert when == pytest.approx(2.62)
-    assert reason == "2.43 m from where it is believed, 0.18 m allowed"
+    assert reason == "2.43 m from the estimate, 0.18 m allowed"
     watched.fly(unseen(offset(ZERO, 0.0), 1.0, 2.6), 3.0)
     assert watched.gate.refusal is None
 
@@ -138,7 +138,7 @@ def test_a_body_that_is_turned_at_a_stroke_stays_out() -> None:
     there = offset((0.01, 0.0, 0.0), 2.0)
     watched = Watched(ZERO).fly(there, 6.0, from_heading(3.0))
     assert watched.opened == []
-    assert watched.refused[0][1] == "turned by more than 45 deg from the attitude that is believed"
+    assert watched.refused[0][1] == "turned by more than 45 deg from the estimated attitude"
 
 
 def test_they_settle_where_nothing_else_is_flown_on() -> None:

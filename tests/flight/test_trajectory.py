@@ -36,9 +36,9 @@ def refusal(text: str) -> tuple[str, int]:
     [
         ("", "it has no header", 0),
         ("# nothing\n\n", "it has no header", 0),
-        ("0, 0, 0, 1\n", "`0` is no column of a trajectory", 1),
+        ("0, 0, 0, 1\n", "`0` is not a column of a trajectory", 1),
         ("t, x, y\n0, 0, 0\n", "the column `z` is missing", 1),
-        ("t, x, x, y, z\n", "the column `x` is there twice", 1),
+        ("t, x, x, y, z\n", "the column `x` occurs twice", 1),
         ("t, x, y, z, vx\n", "the column `vy` is missing", 1),
         (
             "t, x, y, z, ax, ay, az\n",
@@ -46,10 +46,10 @@ def refusal(text: str) -> tuple[str, int]:
             1,
         ),
         ("t, x, y, z, yaw\n", "`yaw` needs a unit", 1),
-        ("t, x [s], y, z\n", "`s` is no unit of length", 1),
+        ("t, x [s], y, z\n", "`s` is not a unit of length", 1),
         ("t, x, y, z\n0, 0, 0, 1\n", "a trajectory has at least two rows", 0),
         ("t, x, y, z\n0, 0, 0, 1\n\n1, 0, 0\n", "3 values in a table of 4 columns", 4),
-        ("t, x, y, z\n0, 0, 0, one\n", "`one` is no number", 2),
+        ("t, x, y, z\n0, 0, 0, one\n", "`one` is not a number", 2),
         ("t, x, y, z\n0, 0, 0, nan\n", "`nan` is not finite", 2),
         (
             "t, x, y, z\n0, 0, 0, 1\n# later\n0, 1, 0, 1\n",
@@ -68,7 +68,7 @@ def refusal(text: str) -> tuple[str, int]:
         ),
         (
             "t, x, y, z, vx, vy, vz\n0,0,0,1,0,0,0\n1,0.5,0,1,50,0,0\n2,1,0,1,0,0,0\n",
-            "from the row before it moves 0.5 m/s, but says 25 m/s",
+            "from the row before it moves 0.5 m/s, but its velocity is 25 m/s",
             3,
         ),
     ],

@@ -162,7 +162,7 @@ def test_one_that_is_not_heard_and_loses_its_load_comes_down_by_its_own_watchdog
     flier = hovers(30.0, height=1.0, driver=part("drivers", "sim", calm=True))
     _, told = run(flier, faults=(cut, lighter), observers=(watch,))
     [waits] = named(told, "behavior_waits")
-    assert waits.fields["reason"] == "its own watchdog, as nothing is heard of it"
+    assert waits.fields["reason"] == "its own watchdog, because the link is silent"
     assert watch.landing().climbed < 2.5
     assert watch.landing().speed < 1.5
     assert watch.seen[-1][1].position[2] < 0.05

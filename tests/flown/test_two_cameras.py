@@ -85,8 +85,8 @@ def test_each_camera_has_the_frames_of_its_own_video(plan: Plan) -> None:
 def test_the_one_that_is_over_is_told_by_its_name(plan: Plan, tmp_path: Path) -> None:
     _, told = flight_of(plan, tmp_path / "run", seed=0)
     assert [event.fields for event in named(told, "sensor_failed")] == [
-        {"sensor": "fusion.1", "reason": "the video is over"},
-        {"sensor": "fusion", "reason": "the video is over"},
+        {"sensor": "fusion.1", "reason": "the video has ended"},
+        {"sensor": "fusion", "reason": "the video has ended"},
     ]
 
 

@@ -136,7 +136,7 @@ def test_a_table_maps_and_calibrates_by_the_controllers_name(
     ("row", "message"),
     [
         ("V, w, axis1, -1, 0, 1", "no axis `w`"),
-        ("V, x, axes1, -1, 0, 1", "no source of an axis"),
+        ("V, x, axes1, -1, 0, 1", "not a source of an axis"),
         ("V, x, axis1, -1, 1, 0", "must rise"),
     ],
 )

@@ -48,7 +48,7 @@ def test_columns_and_buttons_are_named() -> None:
     [
         ("", 1, "the first column must be `t`"),
         ("x, t\n0, 0", 1, "the first column must be `t`"),
-        ("t, x, x\n0, 0, 0", 1, "the column `x` is there twice"),
+        ("t, x, x\n0, 0, 0", 1, "the column `x` occurs twice"),
         ("t, x\n", 0, "it has no rows"),
         ("t, x\n0, 0\n0, 1", 3, "must rise"),
         ("t, x\n-1, 0", 2, "must rise"),

@@ -86,10 +86,10 @@ def test_an_earlier_run_that_holds_copies_is_an_earlier_run(folder: Path) -> Non
     found = json.loads((out / "provenance.json").read_text())
     assert found["files"] == ["ways/way.csv"]
     assert hashlib.sha256(TABLE).hexdigest() in {s["sha256"] for s in found["sources"]}
-    with pytest.raises(RunFolderError, match="holds an earlier run"):
+    with pytest.raises(RunFolderError, match="contains an earlier run"):
         flight_from(mission, out)
     (out / "thesis.tex").write_text("precious")
-    with pytest.raises(RunFolderError, match=r"files of no run \(`thesis.tex`\)"):
+    with pytest.raises(RunFolderError, match=r"files that are not of a run \(`thesis.tex`\)"):
         flight_from(mission, out)
 
 

@@ -37,7 +37,7 @@ def test_a_run_gets_a_folder_of_its_own(tmp_path, monkeypatch):
 def test_an_earlier_run_is_never_replaced(tmp_path):
     run = create_run_folder(PLAN, tmp_path / "out", STARTED)
     assert run.finish({"outcome": "succeeded"})
-    with pytest.raises(RunFolderError, match="holds an earlier run; name another folder"):
+    with pytest.raises(RunFolderError, match="contains an earlier run; name another folder"):
         create_run_folder(PLAN, tmp_path / "out", STARTED)
     assert json.loads((run.path / "summary.json").read_text()) == {"outcome": "succeeded"}
 
@@ -55,7 +55,10 @@ def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path, names, told)
         (tmp_path / name).write_text("precious", encoding="utf-8")
     with pytest.raises(RunFolderError) as error:
         create_run_folder(PLAN, tmp_path, STARTED)
-    assert str(error.value) == f"`{tmp_path}` holds files of no run ({told}); name another folder"
+    assert (
+        str(error.value)
+        == f"`{tmp_path}` contains files that are not of a run ({told}); name another folder"
+    )
     assert {p.read_text(encoding="utf-8") for p in tmp_path.iterdir()} == {"precious"}
 
 

@@ -193,7 +193,7 @@ def test_ticks_of_another_layout_are_an_error_that_says_so(folder, monkeypatch):
 def test_a_folder_that_is_no_run_is_an_error(tmp_path, content):
     if content is not None:
         (tmp_path / "log.mcap").write_bytes(content)
-    with pytest.raises(RunFolderError, match="is no readable run"):
+    with pytest.raises(RunFolderError, match="is not a readable run"):
         read_run(tmp_path)
 
 

@@ -90,7 +90,7 @@ def test_a_body_that_is_tilted_against_gravity_is_told():
     line = changed(turned(from_euler(0.35, 0.0, 0.0)))["a", "frame"]
     assert not line.green
     assert float(line.reason.partition(" ")[0]) == pytest.approx(20.0, abs=4.0)
-    assert "off gravity (15 deg allowed): define" in line.reason
+    assert "off gravity (15 deg allowed): redefine" in line.reason
     assert changed(turned(from_euler(0.175, 0.0, 0.0)))["a", "frame"].green
 
 
@@ -110,7 +110,7 @@ def test_without_an_imu_or_with_a_slow_one_it_says_what_it_cannot_judge(period):
     line = heard(bend)["a", "frame"]
     assert line.green
     assert "`units` and `axes`" in line.reason
-    assert ("not judged" in line.reason) is (period is None)
+    assert ("not checked" in line.reason) is (period is None)
 
 
 def test_nothing_arms():
@@ -397,7 +397,7 @@ def test_a_second_take_off_asks_where_it_landed(run):
     flown, told = run(replace(plan, driver=bent(carried)))
     assert path(told, "a") == ["up", "away", "down", "again", "up2", "landed"]
     [failed] = named(told, "behavior_failed")
-    assert "m from where it stood (0.25 m allowed)" in str(failed.fields["reason"])
+    assert "m from where the vehicle stood (0.25 m allowed)" in str(failed.fields["reason"])
     assert flown.exit_code == 1
 
 

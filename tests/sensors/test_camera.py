@@ -75,7 +75,7 @@ def test_it_plays_the_same_every_time(video: str) -> None:
 def test_its_end_is_told(video: str) -> None:
     stream = opened(video=video, latency=0.0)
     assert len(stream.read(NS)) == FRAMES
-    with pytest.raises(DriverError, match="the video is over"):
+    with pytest.raises(DriverError, match="the video has ended"):
         stream.read(NS + TICK)
 
 

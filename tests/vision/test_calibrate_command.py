@@ -140,7 +140,7 @@ SAID = {
         {"p.csv": "time, x, y, z, qw, qx, qy, qz\n0, 0, 0, 0, 1, 0, 0, 1\n"},
         "p.csv:2: the quaternion's length is 1.41, not 1",
     ),
-    "no recording": (["--frames", ".", "--poses", "walk"], {}, "is no recording of a run"),
+    "no recording": (["--frames", ".", "--poses", "walk"], {}, "is not a recording of a run"),
 }
 
 
@@ -170,9 +170,9 @@ def test_frames_that_tell_nothing_are_told(tmp_path: Path) -> None:
     assert "error: the frames are 320 x 240, but the lens of `down` is" in result.output
     assert result.exit_code == 1
     (walk / "0.png").write_text("none")
-    assert "0.png` is no image" in given(mission, "--frames", walk).output
+    assert "0.png` is not an image" in given(mission, "--frames", walk).output
     (tmp_path / "walk.avi").write_text("none")
-    assert "walk.avi` is no video" in given(mission, "--frames", tmp_path / "walk.avi").output
+    assert "walk.avi` is not a video" in given(mission, "--frames", tmp_path / "walk.avi").output
 
 
 def test_a_mission_without_a_camera_or_tags_is_told(tmp_path: Path) -> None:

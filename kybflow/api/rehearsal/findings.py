@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from kybflow.runtime.vehicle.vehicle import Vehicle
 
 _EMIT = "give a person's events at other times with `--emit NAME@TIME`"
-_LONGER, _MORE_TIME = "takes longer", "give it more time, or see what it waits for"
+_LONGER, _MORE_TIME = "takes longer", "allow more time, or check what it waits for"
 
 
 class Doing(NamedTuple):
@@ -105,7 +105,7 @@ def collided(own: Doing, other: Doing, arrival: Arrival | None = None) -> Diagno
     """KYB470: two vehicles collide: their distance is less than the sum of their arms."""
     said = f"`{own.vehicle}` and `{other.vehicle}` collide {own.when}"
     way = arrival.hint if arrival else "let one of them wait for the other"
-    hint = f"{way}, or keep their ways apart"
+    hint = f"{way}, or keep their paths apart"
     return Diagnostic("KYB470", said, own.span, own.label, (other.note,), hint)
 
 
@@ -122,22 +122,23 @@ def landed_hard(own: Doing, speed: float) -> Diagnostic:
 
 
 def left_the_fence(own: Doing, why: str, by: str, *, is_vertical: bool) -> Diagnostic:
-    """KYB473: a behavior leads a vehicle out of the fence, or to where a processor lets no setpoint
-    go. For a take-off or a landing, which continues as far as the bound allows, it is a warning."""
+    """KYB473: a behavior leads a vehicle out of the fence, or to a place that a processor keeps
+    setpoints from. For a take-off or a landing, which continues as far as the bound allows, it is a
+    warning."""
     said = f"`{own.state}` ({own.part}) leads `{own.vehicle}` out of bounds {own.when}"
     notes = (f"the bound: {by}",) if by else ()
-    hint = "keep its way inside the fence and clear of obstacles"
+    hint = "keep its path inside the fence and clear of obstacles"
     return Diagnostic("KYB473", said, own.span, why, notes, hint, _warning_if(is_vertical))
 
 
 def failsafe_acted(
     own: Doing, reaction: str, why: str, by: str, others: tuple[str, ...], arrival: Arrival | None
 ) -> Diagnostic:
-    """KYB474: the failsafe takes over although nothing is broken: what the mission does crosses a
+    """KYB474: the failsafe takes over although nothing is broken: the mission itself crosses a
     bound of a supervisor."""
-    said = f"the failsafe answers `{own.state}` of `{own.vehicle}` with `{reaction}` {own.when}"
+    said = f"the failsafe reacts to `{own.state}` of `{own.vehicle}` with `{reaction}` {own.when}"
     notes = (*others, *((f"the bound: {by}",) if by else ()))
-    way = "keep their ways apart, in height or in time" if others else "stay within the bound"
+    way = "keep their paths apart, in height or in time" if others else "stay within the bound"
     hint = f"{arrival.hint if arrival else way}, or move the bound"
     return Diagnostic("KYB474", said, own.span, why, notes, hint)
 
@@ -160,7 +161,7 @@ def timed_out(own: Doing, limit: float | None, *, answered: bool) -> Diagnostic:
     """KYB476: a `within` of a behavior or of a phase runs out although nothing is broken. It is a
     warning if the mission says what follows."""
     after = "" if limit is None else f" of {format_quantity(limit, DURATION)}"
-    said = f"`{own.state}` of `{own.vehicle}` is not done within its time{after}, {own.when}"
+    said = f"`{own.state}` of `{own.vehicle}` is not done within its limit{after}, {own.when}"
     severity = _warning_if(answered)
     return Diagnostic("KYB476", said, own.span, _LONGER, help=_MORE_TIME, severity=severity)
 
@@ -212,7 +213,7 @@ def common_place(own: Doing, other: Doing, *, rests: bool) -> Diagnostic:
     turns aside, an error if they rest on each other."""
     verb = "comes to rest" if rests else "comes down"
     said = f"`{own.vehicle}` {verb} where `{other.vehicle}` is, {own.when}"
-    hint, severity = "land them in places of their own", _warning_if(not rests)
+    hint, severity = "land them in different places", _warning_if(not rests)
     return Diagnostic("KYB479", said, own.span, own.label, (other.note,), hint, severity)
 
 
@@ -224,7 +225,7 @@ def too_close(
     near = format_quantity(round(gap, 2), LENGTH)
     said = f"`{own.vehicle}` and `{other.vehicle}` come within {near} of each other {own.when}"
     label = f"their rotors need {format_quantity(round(needed, 2), LENGTH)}"
-    hint = f"{arrival.hint}, or keep their ways apart" if arrival else "keep their ways apart"
+    hint = f"{arrival.hint}, or keep their paths apart" if arrival else "keep their paths apart"
     return Diagnostic("KYB480", said, own.span, label, (other.note,), hint, Severity.WARNING)
 
 
@@ -240,7 +241,7 @@ def unmet(expectation: str, at: str, value: str, texts: Texts) -> Diagnostic:
     order. It is reported only for missions without faults in which no person acts."""
     said = f"`{expectation}` does not hold on ideal vehicles"
     label = f"it is {value}" if value else "not met"
-    hint = "expect something else, or let the mission do it"
+    hint = "change the expectation or the mission"
     span = span_at(at, texts)
     return Diagnostic("KYB482", said, span, label, help=hint, severity=Severity.WARNING)
 

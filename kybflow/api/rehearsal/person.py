@@ -26,8 +26,8 @@ REQUEST_DELAY_NS = 2 * NS
 
 
 class Assumed(NamedTuple):
-    """An event that the rehearsal gave in place of a person. waiting: the state or phase that
-    waited for it."""
+    """An event that the rehearsal gave for a person. waiting: the state or phase that waited for
+    it."""
 
     seconds: float
     name: str

@@ -165,7 +165,7 @@ class Watch:
         floor = min(fence.low[2], vehicle.context.start[2])
         beyond = fence.outside_by((x, y, max(z, fence.low[2]) if z >= floor else z))
         if beyond > FENCE_TOLERANCE and not _is_steered(vehicle):
-            why = f"{beyond:.2f} m outside of the fence"
+            why = f"{beyond:.2f} m outside the fence"
             found = findings.left_the_fence(self._doing(vehicle), why, "", is_vertical=False)
             self._add_in(vehicle.runner.state, vehicle, found)
 

@@ -81,7 +81,7 @@ def command(
     run, given = (None, words) if words[0] in known else (words[0], words[1:])
     if not given:
         hint = did_you_mean(words[0], known)
-        raise WrongUsage(f"`{words[0]}` is no command, or a run without a command; {hint}")
+        raise WrongUsage(f"`{words[0]}` is not a command, or is a run without a command; {hint}")
     line = " ".join(given)
     if line not in (STATE, WATCH):
         try:

@@ -15,7 +15,7 @@ from kybflow.core.errors import INVALID, KybflowError
 def command(
     name: Annotated[
         str | None,
-        Argument(help="A library, mission, entry, file or import; without it, all are listed."),
+        Argument(help="A library, mission, entry, file or import; by default all are listed."),
     ] = None,
 ) -> None:
     """Show what installed packages ship: airframes, vehicles, chains, stacks, worlds and missions;

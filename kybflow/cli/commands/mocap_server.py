@@ -41,10 +41,10 @@ def command(
         repeated("--still", parser=still_body, metavar="NAME=X,Y,Z", help="A body at rest."),
     ],
     host: Annotated[
-        str, Option(help="Where to listen; 0.0.0.0 is open to the network.")
+        str, Option(help="Address to listen at; 0.0.0.0 is open to the network.")
     ] = "127.0.0.1",
     port: Annotated[
-        int, Option(min=0, max=65535, help="Of TCP and UDP; 0 picks a free one.")
+        int, Option(min=0, max=65535, help="Port of TCP and UDP; 0 picks a free one.")
     ] = 3883,
     target: Target = None,
     sets: Sets,

@@ -11,7 +11,7 @@ from kybflow.cli.output import echo
 
 
 def command(
-    name: Annotated[str | None, Argument(help="A part; without it, all are listed.")] = None,
+    name: Annotated[str | None, Argument(help="Name of a part; by default all are listed.")] = None,
     write_to: WriteTo = None,
     check: Check = None,
 ) -> None:

@@ -27,7 +27,7 @@ def command(
     out: Annotated[Path, Option(help="The table to write, for `use: script`.")],
     lasts: Annotated[
         float | None,
-        Option("--for", parser=duration, metavar="TIME", help="How long; by default until Ctrl-C."),
+        Option("--for", parser=duration, metavar="TIME", help="Duration; by default until Ctrl-C."),
     ] = None,
 ) -> None:
     """Record a gamepad, a keyboard or another input of a mission.

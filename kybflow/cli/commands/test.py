@@ -28,7 +28,7 @@ def command(
     ] = None,
     junit: Annotated[Path | None, Option(help="Write JUnit XML to this file.")] = None,
     full: Annotated[bool, Option("--full", help="Fail on untaken states or transitions.")] = False,
-    out: Annotated[Path, Option(help="Where to keep failed flights.")] = Path("runs"),
+    out: Annotated[Path, Option(help="Folder for failed flights.")] = Path("runs"),
     keep: Annotated[bool, Option("--keep", help="Keep every run folder.")] = False,
     target: Target = None,
     sets: Sets,

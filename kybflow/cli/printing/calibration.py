@@ -13,9 +13,9 @@ from kybflow.vision.calibration.walk import WalkCalibration
 _ADVICE = {
     "focal": "tilt the camera by 20 to 30 degrees, to all sides, and change its height",
     "centre": "tilt the camera to all sides, and turn it about the vertical",
-    "k1": "let tags come into the image's corners",
-    "mount position": "tilt the body to all sides while it is known where it is",
-    "mount attitude": "tilt the body to all sides while it is known where it is",
+    "k1": "let tags appear in the image's corners",
+    "mount position": "tilt the body to all sides while its position is known",
+    "mount attitude": "tilt the body to all sides while its position is known",
 }
 """How to move the camera so that a kind of correction becomes observable."""
 _UNKNOWN = "not observable"
@@ -35,7 +35,7 @@ _SIGMAS = 4.0
 _AMISS = {
     **dict.fromkeys(("focal", "centre", "k1"), "is it this camera?"),
     "mount position": "are the poses those of this body?",
-    "mount attitude": "are the poses those of this body, and `facing` as it is?",
+    "mount attitude": "are the poses those of this body, and is `facing` right?",
 }
 
 
@@ -85,7 +85,7 @@ def calibration_lines(found: WalkCalibration, read: int, total: int) -> Iterator
     yield ""
     if walk.reference is None:
         yield f"mount of `{name}`: not observable from frames alone; give the body's poses:"
-        yield "  --poses FILE (motion capture), or --standing (on its start in the first frame)"
+        yield "  --poses FILE (motion capture), or --standing (at its start in the first frame)"
     else:
         mount = list(_mount(found))
         lens += mount

@@ -63,7 +63,7 @@ def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
     for given in summary["commands"]:
         yield f"`{given['command']}` was commanded at {given['t_s']:g} s by {given['by']}"
     for seconds, name in flown.never_given:
-        yield f"`{name}` at {seconds:g} s was never given: the run ended before"
+        yield f"`{name}` at {seconds:g} s was never given, because the run ended first"
     reason = f": {headline(summary['reason'])}" if summary["reason"] else ""
     yield f"{summary['mission']} {summary['outcome']}{reason}"
     if summary.get("missed_ticks"):

@@ -135,7 +135,7 @@ def _flow(flow: plans.FlowPlan, groups: dict[str, tuple[str, ...]]) -> tuple[str
         steps += [f"give {vehicle} to {of}" for vehicle, of in phase.give.items()]
         steps += [_action(option) for option in phase.options]
         rows.append((name, "; ".join(steps) + _ways(phase.transitions)))
-    drives = ", ".join(flow.vehicles) or "what it is given"
+    drives = ", ".join(flow.vehicles) or "given vehicles"
     return f"flow {flow.name} (drives {drives}; begins with {flow.begin})", columns(rows)
 
 

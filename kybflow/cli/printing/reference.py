@@ -96,20 +96,20 @@ def _types() -> Iterator[tuple[str, ...]]:
             known = ", ".join(f"`{unit}`" for unit in dimension.units) or "none"
             yield dimension.name, f"`{name}`", shapes[base], known, f"`{dimension.example}`"
     size, like = "3 rows of 3, `[[...], ...]`", "`[[1, 0, 0], [0, 1, 0], [0, 0, 1]]`"
-    yield "matrix of any of these", "`Matrix[3, 3, Damping]`", size, "those of `Damping`", like
+    yield "matrix of these units", "`Matrix[3, 3, Damping]`", size, "those of `Damping`", like
 
 
 _WAITED_FOR = {
     "anywhere": "yes",
     "to log it": "by a callback that logs it",
-    "too late": "no: the run is over then",
-    "nowhere": "no: it is recorded only",
+    "too late": "no: the run has ended",
+    "nowhere": "no: it is only recorded",
 }
 
 
 def event_table(catalog: Catalog) -> Iterator[str]:
     """Yield the lines of a Markdown table: the engine's events, then those that parts declare."""
-    yield "| event | of | when | it carries | can be waited for |"
+    yield "| event | of | when | fields | can be waited for |"
     yield "|---|---|---|---|---|"
     for event in ENGINE_EVENTS.values():
         yield _row(event, _owner(event))
@@ -238,8 +238,8 @@ def _signature(node: Node) -> str:
 
 
 def show_shipped(name: str) -> str | None:
-    """Return the text of the file called `name`, or of every entry with that name; None if there is
-    none."""
+    """Return the text of the library or mission called `name`, or of every library entry with that
+    name; None if nothing has this name."""
     for one in (*library.libraries(), *library.missions()):
         if name in (one.name, one.name.removeprefix(f"{library.OWN}/")):
             return f"# {one.path}\n{one.source.text}".rstrip()
@@ -272,7 +272,9 @@ def show_file(path: Path) -> str:
     if one.root is None:
         first = next(iter(one.source.found), None)
         texts = {one.source.file: one.source.text}
-        raise KybflowError(render(first, texts) if first else f"`{path}` is no mission or library")
+        raise KybflowError(
+            render(first, texts) if first else f"`{path}` is not a mission or library"
+        )
     blocks = ["\n".join(_contents(one))]
     for own in library.imports_of(one):
         heading = f"import {own.name}, {own.written}"

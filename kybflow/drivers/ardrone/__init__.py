@@ -61,7 +61,7 @@ class Ardrone(Driver[ArdroneParams]):
         from kybflow.drivers.ardrone.udp import is_address
 
         if not is_address(params.host):
-            return Objection("host", f"`{params.host}` is no IPv4 address")
+            return Objection("host", f"`{params.host}` is not an IPv4 address")
         return None
 
     @classmethod

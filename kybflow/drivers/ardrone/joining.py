@@ -30,13 +30,13 @@ def join_lines(ssid: str, address: str, netmask: str = "255.255.255.0") -> list[
     """Return the shell commands that join a network. Raises DriverError if the network name or the
     address is invalid."""
     if not 1 <= len(ssid.encode("utf-8")) <= 32 or not ssid.isprintable():
-        raise DriverError(f"{ssid!r} is no network name; use 1 to 32 printable bytes")
+        raise DriverError(f"{ssid!r} is not a network name; use 1 to 32 printable bytes")
     try:
         where = IPv4Interface(f"{IPv4Address(address)}/{netmask}")
     except (AddressValueError, NetmaskValueError, ValueError):
-        raise DriverError(f"`{address}` with `{netmask}` is no IPv4 address") from None
+        raise DriverError(f"`{address}` with `{netmask}` is not an IPv4 address") from None
     if where.ip in (where.network.network_address, where.network.broadcast_address):
-        raise DriverError(f"{where.ip} is no address of a single drone in {where.network}")
+        raise DriverError(f"{where.ip} is not the address of a single drone in {where.network}")
     # in the background, because the shell's connection ends with the network
     joined = (
         "sleep 1; killall udhcpd; ifconfig ath0 down;"

@@ -67,7 +67,7 @@ def checks(
     reason = f"{degrees(limits.tilt):.0f} deg, of which a command is a fraction"
     if not fits:
         most = degrees(airframe.tilt)
-        reason += f"; the airframe's tilt is {most:.0f} deg: give it or `euler_angle_max`"
+        reason += f"; the airframe's tilt is {most:.0f} deg: set it, or `euler_angle_max`"
     yield Check("tilt", fits, reason, waits=False)
 
 

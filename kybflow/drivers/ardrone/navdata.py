@@ -77,13 +77,13 @@ ALARMS = {
     DroneState.MOTORS_PROBLEM: "its motors have a problem",
     DroneState.SOFTWARE_FAULT: "its software has a fault",
     DroneState.BATTERY_LOW: "its battery is low",
-    DroneState.USER_EMERGENCY: "an emergency was asked for",
+    DroneState.USER_EMERGENCY: "an emergency was requested",
     DroneState.TIMER_ELAPSED: "its timer has elapsed",
     DroneState.ANGLES_OUT_OF_RANGE: "it has tilted too far",
     DroneState.WIND: "the wind is too strong",
     DroneState.ULTRASOUND_DEAF: "its ultrasound hears nothing",
     DroneState.CUT_OUT: "a motor was stopped by force",
-    DroneState.COMMUNICATION_LOST: "it has lost the communication",
+    DroneState.COMMUNICATION_LOST: "it has lost the connection",
     DroneState.EMERGENCY: "it is in emergency, its rotors stopped",
 }
 """The bits that are reported when they become set, with their descriptions."""
@@ -130,7 +130,7 @@ def read_packet(data: bytes) -> Packet:
     while at + _OPTION.size <= len(data):
         tag, size = _OPTION.unpack_from(data, at)
         if size < _OPTION.size or at + size > len(data):
-            raise Malformed("an option that ends beyond it")
+            raise Malformed("an option that extends beyond the datagram")
         if tag == CHECKSUM:
             if size != _OPTION.size + _SUM.size:
                 raise Malformed("a checksum of another size")

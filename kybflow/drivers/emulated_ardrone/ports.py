@@ -99,7 +99,7 @@ class MemoryPorts(Ports):
         return False
 
     def send_video(self, data: bytes) -> None:
-        """There is no video in memory."""
+        """There is not a video in memory."""
 
     def close(self) -> None:
         """There is nothing to close."""
@@ -169,9 +169,9 @@ def host_of(number: int, first: str = FIRST_HOST) -> str:
     try:
         address = IPv4Address(first) + number
     except ValueError:
-        raise DriverError(f"`{first}` is no IPv4 address") from None
+        raise DriverError(f"`{first}` is not an IPv4 address") from None
     if not address.is_loopback:
-        raise DriverError(f"{address} is no loopback address; use one of 127.x.x.x")
+        raise DriverError(f"{address} is not a loopback address; use one of 127.x.x.x")
     return str(address)
 
 

@@ -32,7 +32,7 @@ else:
 class EmulatedAutopilotParams(AutopilotLinkParams, SimParams):
     autopilot: EmulatedName = param("The emulated firmware.", default="px4", read_only=True)
     prepared: bool = param(
-        "Whether its parameters are those that kybflow needs; else they are the firmware's own.",
+        "Whether its parameters are those that kybflow needs, or the firmware's defaults.",
         default=True, read_only=True,
     )  # fmt: skip
 

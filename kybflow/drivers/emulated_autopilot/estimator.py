@@ -51,9 +51,10 @@ class Sources(NamedTuple):
 
 
 class SightingClock:
-    """Converts the stamps of poses to the vehicle's clock. adopts: the number of late poses in a
-    row after which their delay is attributed to the sender's clock, as that of the first pose
-    always is (ArduPilot's jitter correction); None if stamps are trusted, as in PX4."""
+    """Converts the stamps of poses to the vehicle's clock. The delay of the first pose is
+    attributed to the sender's clock. adopts: the number of late poses in a row after which their
+    delay is attributed to it again (ArduPilot's jitter correction); None if stamps are trusted, as
+    in PX4."""
 
     def __init__(self, adopts: int | None) -> None:
         self._adopts = adopts

@@ -330,7 +330,7 @@ class LineCapacity:
         self._head = FRAME_OVERHEAD + (0 if params.key is None else SIGNATURE_BYTES)
 
     def fitting(self, rates: Mapping[str, float]) -> dict[str, float]:
-        """Return these stream rates, Hz, slowed to what the line carries."""
+        """Return these stream rates, Hz, reduced to the line's capacity."""
         if self.line is None:
             return dict(rates)
         factor = min(1.0, STREAMS_SHARE * self.line / self._load(rates))
@@ -343,7 +343,10 @@ class LineCapacity:
         params = self._params
         sent, way_out = {"SET_POSITION_TARGET_LOCAL_NED": params.rate}, "a lower `rate`"
         if params.position == "outside":
-            sent["ODOMETRY"], way_out = params.vision_rate, "a lower `rate` and `vision_rate`"
+            sent["ODOMETRY"], way_out = (
+                params.vision_rate,
+                "a lower `rate` and `vision_rate`",
+            )
         load = self._load(sent)
         found = f"{load:.0f} bytes a second are sent to it, the line carries {self.line:.0f}"
         if load <= SENT_SHARE * self.line:

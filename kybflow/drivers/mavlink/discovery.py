@@ -153,11 +153,10 @@ RowState = Literal["right", "written", "WRONG", "MISSING", "REFUSED"]
 
 
 class ParameterRow(NamedTuple):
-    """One setting as it was found.
+    """A setting and its value in the autopilot.
 
-    found: the autopilot's value, None if it has no such parameter.
-    needs: a description of the value needed.
-    reason: why the autopilot refused the written value."""
+    found: the autopilot's value, None if it has no such parameter. needs: a description of the
+    required value. reason: why the autopilot refused the written value."""
 
     setting: Needed
     found: float | None

@@ -121,7 +121,7 @@ class AutopilotLink(Link):
         if port.last_heard is None and now - self._opened > SILENCE_TIMEOUT:
             why = port.trouble() or "no autopilot was heard"
             way_out = f"{port.to_ask} Start it, or set the driver's `address` and `system`"
-            raise DriverError(f"system {port.system} was not heard for 10 s: {why}; {way_out}")
+            raise DriverError(f"system {port.system} was silent for 10 s: {why}; {way_out}")
         return self.autopilot.telemetry.take()
 
     def send(self, command: Command, now: Time) -> None:
@@ -213,7 +213,7 @@ class AutopilotLink(Link):
         return None if truth is None else truth.truth(self._now)
 
     def close(self) -> None:
-        """Restore the default streams. If the vehicle is disarmed and nobody else controls it, also
+        """Restore the default streams. If the vehicle is disarmed and under no other control, also
         restore the mode that it had before the first request."""
         self._keep_alive.close()
         autopilot, before = self.autopilot, self.offboard.modes.before

@@ -20,25 +20,26 @@ class AutopilotLinkParams:
 
     autopilot: FirmwareName = param("The firmware.", read_only=True)
     position: Literal["outside", "own"] = param(
-        "Where the autopilot's position comes from: `outside`, sent by kybflow, or its `own`, as"
-        " from GPS.",
+        "Source of the autopilot's position: `outside`, sent by kybflow, or its `own`, such as "
+        "GPS.",
         default="outside", read_only=True,
     )  # fmt: skip
     rate: Frequency = param(
         "Setpoints a second.", default=50.0, at_least=5.0, at_most=250.0, read_only=True
     )
     vision_rate: Frequency = param(
-        "Poses a second that are sent to the autopilot.",
+        "Poses per second that are sent to the autopilot.",
         default=30.0, at_least=3.0, at_most=120.0, read_only=True,
     )  # fmt: skip
     after_failsafe: Literal["land", "resume"] = param(
         "What happens after the autopilot's own failsafe, once the link is good again: the vehicle"
-        " lands, or resumes its mission. Control is never taken back from a person unasked.",
+        " lands, or resumes its mission. Control is never taken back from a person without a "
+        "command.",
         default="land", read_only=True,
     )  # fmt: skip
     shared: bool = param(
-        "Whether others, such as a second ground station, may command the vehicle too; otherwise"
-        " a run fails in which one does.",
+        "Whether others, such as a second ground station, may also command the vehicle; "
+        "otherwise a run fails if one does.",
         default=False, read_only=True,
     )  # fmt: skip
 
@@ -51,7 +52,7 @@ class MavlinkParams(AutopilotLinkParams):
         default=None, read_only=True,
     )  # fmt: skip
     system: int | None = param(
-        "The autopilot's system id; by default its place among the mission's vehicles, from 1.",
+        "The autopilot's system id; by default its number among the mission's vehicles, from 1.",
         default=None, at_least=1, at_most=254, read_only=True,
     )  # fmt: skip
     own_system: int = param(
@@ -63,9 +64,9 @@ class MavlinkParams(AutopilotLinkParams):
         default=False, read_only=True,
     )  # fmt: skip
     attitude: bool = param(
-        "Experimental: whether trackers may send it attitudes or body rates with a thrust. In the"
-        " firmwares' own simulators every such flight on ArduPilot fell after the take-off, and"
-        " PX4 swung by 10 to 20 cm.",
+        "Experimental: whether trackers may send attitudes or body rates with a thrust. In the "
+        "firmwares' own simulators, ArduPilot always fell after the take-off, and PX4 oscillated "
+        "by 10 to 20 cm.",
         default=False, read_only=True,
     )  # fmt: skip
     key: str | None = param(
@@ -74,10 +75,10 @@ class MavlinkParams(AutopilotLinkParams):
         default=None, read_only=True,
     )  # fmt: skip
     lead: Duration | None = param(
-        "The autopilot's latency, by which setpoints are sent ahead; by default as measured on"
-        " its own simulator.",
+        "The autopilot's latency, for which setpoints are predicted; by default as measured in "
+        "its own simulator.",
         default=None, at_least=0.0, at_most=1.0, read_only=True,
     )  # fmt: skip
     arming_time: Duration = param(
-        "How long arming may take.", default=15.0, above=0.0, read_only=True
+        "Longest duration of arming.", default=15.0, above=0.0, read_only=True
     )

@@ -61,7 +61,7 @@ class PreflightChecks:
         sending."""
         heartbeat = self._heartbeat(now)
         if not heartbeat.green:
-            unknown = "not known: its parameters are read once its heartbeat is right"
+            unknown = "unknown: its parameters are read after its heartbeat"
             return [heartbeat, Check("watchdog", False, unknown)]
         lines = [heartbeat, self._required.watchdog()]
         if self._is_outside:
@@ -90,7 +90,7 @@ class PreflightChecks:
             return Check("heartbeat", False, "none was received")
         age = (now - status.heartbeat) / NS
         if now - status.heartbeat > HEARTBEAT_TIMEOUT_NS:
-            return Check("heartbeat", False, f"the last one {age:.1f} s ago")
+            return Check("heartbeat", False, f"the last one arrived {age:.1f} s ago")
         maker = firmware_by(status.autopilot) or f"autopilot {status.autopilot}"
         if maker != wanted:
             way_out = "set the driver's `autopilot`, or `system`"
@@ -106,7 +106,7 @@ class PreflightChecks:
             flags = f"it has none (estimator flags {self._status.ekf})"
             return Check("position", False, f"{flags}; {self._required.fed()}")
         if own is None:
-            return Check("position", False, "it reports none yet")
+            return Check("position", False, "it has not reported one yet")
         if self._is_outside and sent is not None:
             apart = distance(own.position, sent[0].position)
             reason = f"{apart:.2f} m from the one that kybflow sends ({TOLERANCE:.2f} m allowed)"
@@ -155,8 +155,8 @@ class RequiredParameters:
             summary = f"dangerous: {', '.join(map(self._parameters.called, dangers))}"
             return Check("watchdog", False, detailed(summary, dangers.values()), waits=False)
         if (reaction := self._profile.reaction) not in self._parameters.values:
-            reason = f"it does not report {reaction}, what it does once this program is dead"
-            reason += self._autopilot.ignored_because or ": does it receive our messages?"
+            reason = f"it does not report {reaction}, its reaction when this program stops"
+            reason += self._autopilot.ignored_because or ": does it receive kybflow's messages?"
             return Check("watchdog", False, reason, waits=False)
         found = self._parameters.values[reaction]
         setting = next(s for s in self._profile.indoors if s.name == reaction)
@@ -177,7 +177,7 @@ class RequiredParameters:
         wrong = [s for s in settings if self._is_wrong(s)]
         if not wrong:
             return Check("parameters", True, "set for flight without GPS" + self._missing(names))
-        summary = f"{len(wrong)} of {len(names)} are not as flight without GPS needs them"
+        summary = f"{len(wrong)} of {len(names)} are wrong for flight without GPS"
         dangers = self._dangers()
         rest = [setting for setting in wrong if setting.name not in dangers]
         if len(rest) < len(wrong):
@@ -195,12 +195,12 @@ class RequiredParameters:
             if name in values
         )
         if not self._is_outside:
-            return f"it finds its own by {known}: does it receive satellites?"
+            return f"it finds its own heading by {known}: does it receive satellites?"
         if any(self._is_wrong(setting) for setting in self._settings()):
-            return "it is not set up to use the one that kybflow sends: see `parameters`"
+            return "it is not set up to use kybflow's heading: see `parameters`"
         return (
-            f"kybflow sends it one, and it is set up to use it ({known}): parameters that were just"
-            " written may count only after a restart"
+            f"kybflow sends it one, and it is set up to use it ({known}): new parameters may "
+            "take effect only after a restart"
         )
 
     def _settings(self) -> Iterator[Needed]:

@@ -55,11 +55,11 @@ class Rotorpy(Driver[RotorpyParams]):
         cls, params: RotorpyParams, start: Vec3, payload: Parcel | None
     ) -> Objection | None:
         if params.live:
-            return Objection("live", "rotorpy has no viewer", "fly on `sim` to watch")
+            return Objection("live", "rotorpy has no viewer", "fly on `sim` to watch the flight")
         if payload is not None:
-            return Objection("payload", "rotorpy knows no payloads", "fly it on `sim`")
+            return Objection("payload", "rotorpy does not support payloads", "fly it on `sim`")
         if start[2] != 0.0:
-            reason = f"rotorpy knows one floor, at z = 0, and this starts at z = {start[2]:g} m"
+            reason = f"rotorpy has only a floor at z = 0, but this start is at z = {start[2]:g} m"
             return Objection("start", reason, "fly it on `sim`")
         return None
 
@@ -71,7 +71,11 @@ class Rotorpy(Driver[RotorpyParams]):
 
     @classmethod
     def watchdog(cls, params: RotorpyParams) -> str | None:
-        return None if params.watchdog else "`watchdog` is off: nothing lands it should this stop"
+        return (
+            None
+            if params.watchdog
+            else "`watchdog` is off: nothing lands the vehicle if this program stops"
+        )
 
     @classmethod
     def world(cls, params: RotorpyParams) -> str:

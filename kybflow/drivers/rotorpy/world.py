@@ -161,7 +161,7 @@ class Plant:
             with numpy.errstate(over="raise", invalid="raise"):
                 state = self._model.step(state, {"cmd_motor_speeds": speeds}, dt)
         except (ArithmeticError, ValueError) as error:
-            raise DriverError(f"rotorpy can't go on: {error}") from error
+            raise DriverError(f"rotorpy failed: {error}") from error
         self._state = state
         if any(more):
             state["v"] = state["v"] + dt / self._model.mass * numpy.array(more[:3])

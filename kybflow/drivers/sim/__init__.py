@@ -71,7 +71,7 @@ class SimParams:
         default=0.05, at_least=0.0, read_only=True,
     )  # fmt: skip
     mocap_rate: Frequency = param(
-        "Poses a second from motion capture.", default=120.0, at_least=1.0, read_only=True
+        "Poses per second from motion capture.", default=120.0, at_least=1.0, read_only=True
     )
     mocap_position_noise: Length = param(
         "Noise of a pose's position along each axis, standard deviation.",
@@ -85,7 +85,7 @@ class SimParams:
         "Delay until a pose arrives.", default=0.010, at_least=0.0, at_most=1.0, read_only=True
     )
     position_rate: Frequency = param(
-        "Positions a second, as from GPS; only if an estimator needs them.",
+        "Positions per second, as from GPS; only if an estimator needs them.",
         default=5.0, at_least=1.0, read_only=True,
     )  # fmt: skip
     position_noise: Length = param(
@@ -104,7 +104,7 @@ class SimParams:
         "Charge of the battery at the start.", default=1.0, above=0.0, at_most=1.0, read_only=True
     )
     battery_rate: Frequency = param(
-        "Battery reports a second.", default=10.0, at_least=0.1, at_most=100.0, read_only=True
+        "Battery reports per second.", default=10.0, at_least=0.1, at_most=100.0, read_only=True
     )
     calm: bool = param(
         "Still air and a perfect lab: sets the parameters from here to `stamp_jitter` to zero.",
@@ -146,8 +146,8 @@ class SimParams:
         default=1.0, at_least=0.0, at_most=3.0, read_only=True,
     )  # fmt: skip
     inflow: Number = param(
-        "Drag along body z, relative to that in the rotors' plane: rotors that climb through air"
-        " lose thrust (Svacha, Mohta and Kumar, ICUAS 2017).",
+        "Drag along body z, relative to that in the rotors' plane: climbing rotors lose thrust "
+        "(Svacha, Mohta and Kumar, ICUAS 2017).",
         default=2.0, at_least=0.0, at_most=10.0, read_only=True,
     )  # fmt: skip
     loop_error: Ratio = param(
@@ -210,7 +210,11 @@ class Sim(Driver[SimParams]):
 
     @classmethod
     def watchdog(cls, params: SimParams) -> str | None:
-        return None if params.watchdog else "`watchdog` is off: nothing lands it should this stop"
+        return (
+            None
+            if params.watchdog
+            else "`watchdog` is off: nothing lands the vehicle if this program stops"
+        )
 
     @classmethod
     def world(cls, params: SimParams) -> str:

@@ -73,7 +73,7 @@ class GroundEffect:
     and of opposite hubs. k: 1/2 for the rotor across plus `FOUNTAIN` for the body. The first term
     is Cheeseman and Bennett's (ARC R&M 3021, 1955), the others are those of a quadrotor by
     Sanchez-Cuevas, Heredia and Ollero (Characterization of the Aerodynamic Ground Effect, Int. J.
-    Aerospace Eng. 2017). Below z = R / 2, where the first term no longer holds, the gain is
+    Aerospace Eng. 2017). Below z = R / 2, where the first term is no longer valid, the gain is
     constant. Only the world's floor counts, not obstacles below a vehicle. share: a factor on the
     gain.
     """

@@ -39,8 +39,8 @@ def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
 
 
 def not_simulated(case: Case) -> Iterator[Diagnostic]:
-    """KYB331: the mission has a fault, but the target is no simulation, so nothing can be broken on
-    purpose. With a firmware's own simulator, only what kybflow itself provides can be broken."""
+    """KYB331: the mission has a fault, but the target is not a simulation, so nothing can be broken
+    on purpose. With a firmware's own simulator, only what kybflow itself provides can be broken."""
     target = case.plan.target
     for fault in case.plan.faults:
         for name, _ in _vehicles(fault):

@@ -27,8 +27,8 @@ _MAX_HEIGHT = 0.2
 
 def taken_twice(case: Case) -> Iterator[Diagnostic]:
     """KYB440: two vehicles claim something that only one can have on the target: a body of motion
-    capture, a system id at one address, a device. They would be mistaken for each other, or one
-    would have nothing."""
+    capture, a system id at one address, a device. The vehicles would be mistaken for each other, or
+    one would lack it."""
     first: dict[str, tuple[VehiclePlan, PartPlan]] = {}
     for vehicle, part, claim in _claims(case):
         owner, other = first.setdefault(claim.what, (vehicle, part))
@@ -209,8 +209,8 @@ def _is_barred(when: tree.Condition, settled: dict[str, _Settled], waiting: set[
 
 
 def _never_in(settled: dict[str, _Settled], waiting: set[str], name: str, state: str) -> bool:
-    """Return whether a vehicle that has ended up somewhere is never in `state`. False for built-in
-    states, because the failsafe may enter them."""
+    """Return whether a vehicle that stays in its final state was never in `state`. False for
+    built-in states, because the failsafe may enter them."""
     other = _resting(settled, waiting, name)
     if other is None or state in BUILT_IN:
         return False

@@ -121,8 +121,8 @@ class _Frame(NamedTuple):
         return self.body.airframe
 
     def place(self, *keys: str) -> Span:
-        """Return the source location of the first of `keys` that is written in the same file, or
-        else of the name."""
+        """Return the location of the first of `keys` that the file of the airframe's name contains;
+        by default that of the name."""
         spans = (self.body.span_of(key) for key in keys if self.body.is_written(key))
         return next((s for s in spans if s.file == self.span.file), self.span)
 
@@ -201,7 +201,7 @@ def unusual(case: Case) -> Iterator[Diagnostic]:
 
 
 class _Doubt(NamedTuple):
-    """An implausible number. name: the thing that has it. span: where it is written."""
+    """An implausible number. name: its owner. span: where it is written."""
 
     name: str
     found: Implausible

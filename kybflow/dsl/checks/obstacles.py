@@ -32,7 +32,8 @@ _RATIO = 0.6180339887498949  # of the golden section
 
 
 def starts_inside(case: Case) -> Iterator[Diagnostic]:
-    """KYB340: a vehicle starts inside an obstacle or touches it. It may stand on one."""
+    """KYB340: a vehicle starts inside an obstacle or touches it. The vehicle may stand on an
+    obstacle."""
     for vehicle in case.plan.vehicles:
         for obstacle, shape in case.plan.obstacles.items():
             if not _starts_in(shape, vehicle):
@@ -113,8 +114,8 @@ def flies_into(case: Case) -> Iterator[Diagnostic]:
     """KYB341: a behavior flies its vehicle into an obstacle, from an entry that is known to occur.
 
     If the behavior's path is known, it must stay further from every obstacle than the length of the
-    vehicle's arm. Exempt are an obstacle on which the vehicle stands before a take-off or after a
-    landing, and one that is already too close where the behavior is entered. If a processor leads
+    vehicle's arm. Exceptions are an obstacle on which the vehicle stands before a take-off or after
+    a landing, and one that is already too close where the behavior is entered. If a processor leads
     the vehicle around obstacles, only the points of the path must be clear.
     """
     obstacles = _kept_from(case)

@@ -6,8 +6,8 @@ A vehicle that was given away returns with the event `FLOW.finished` of the flow
 After any other transition it is unknown which flow controls it, and the runtime decides.
 
 In the second search, a vehicle that waits in `landed` stays on the ground until a phase requests a
-state. If the condition of a transition names a vehicle's state, it tells whether the vehicle is in
-the air when the next phase begins. Everything else is unknown, and the runtime decides.
+state. If the condition of a transition names a vehicle's state, it determines whether the vehicle
+is in the air when the next phase begins. Everything else is unknown, and the runtime decides.
 """
 
 from __future__ import annotations

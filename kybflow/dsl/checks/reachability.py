@@ -153,8 +153,8 @@ class Entries:
     known: bool = True
 
     def add(self, point: Vec3 | None) -> bool:
-        """Add an entry position and return whether this changes anything. None, or one too many,
-        means that the state can be entered anywhere."""
+        """Add an entry position and return whether this changes anything. After None, or too many
+        positions, the state counts as entered anywhere."""
         if point is None or len(self.points) >= _MOST_POINTS:
             changed, self.known = self.known, False
             return changed

@@ -81,8 +81,7 @@ def stopped_at_the_beginning(case: Case) -> Iterator[Diagnostic]:
 
 
 def _switched(case: Case) -> Iterator[tuple[CallbackPlan, ActionKeys, VehiclePlan]]:
-    """Yield every request to enter a state that a callback makes to the vehicle that its event
-    comes from."""
+    """Yield every `switch` of a callback whose target is the vehicle that raises the event."""
     plan, events = case.plan, next(iter(case.cached(known_events)))
     for callback in plan.callbacks:
         asked = [action for action in callback.do if action.name == "switch"]

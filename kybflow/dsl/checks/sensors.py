@@ -1,5 +1,5 @@
-"""Checks the sensors that a driver doesn't bring, and what they observe: KYB387, KYB388, KYB391 to
-KYB394."""
+"""Checks the sensors that are not part of a driver, and the things that they observe: KYB387,
+KYB388, KYB391 to KYB394."""
 
 from __future__ import annotations
 

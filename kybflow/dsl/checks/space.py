@@ -83,8 +83,8 @@ def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
 
 
 def held_back(case: Case) -> Iterator[Diagnostic]:
-    """KYB320: a behavior stays inside the fence but flies to where a processor lets no setpoint
-    go."""
+    """KYB320: a behavior stays inside the fence, but a processor keeps its setpoint from the
+    goal."""
     fence = case.plan.fence
     if fence is None:
         return
@@ -243,7 +243,7 @@ def without_a_fence(case: Case) -> Iterator[Diagnostic]:
     """KYB322: the mission has no fence, so neither the supervisor nor the processor `fence`
     protects a flying vehicle. It is reported once, for the first one.
 
-    A fence is also useful outdoors: it tells the failsafe when to land.
+    A fence is also useful outdoors: outside it the failsafe lands the vehicle.
     """
     if case.plan.fence is not None:
         return

@@ -34,8 +34,8 @@ from kybflow.dsl.reading.values import decode_value
 from kybflow.parts import GROUND
 
 CODES = {
-    "KYB462": "A way out of every phase of a flow that counts time.",
-    "KYB192": "A phase with `within` and no `otherwise`, or the reverse.",
+    "KYB462": "A transition of a whole flow counts time, which only phases can.",
+    "KYB192": "A phase has `within` but no `otherwise`, or the reverse.",
 }
 GROUNDED = "landed"
 """The state in which a vehicle waits for its flow."""

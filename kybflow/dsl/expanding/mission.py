@@ -51,12 +51,11 @@ if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
 
 CODES = {
-    "KYB152": "A control rate that is no whole number of Hz, or too low or too high to fly with.",
-    "KYB170": "An action that neither the language nor an installed package has.",
-    "KYB171": "A callback that does nothing, or an action that is not one key with a value.",
-    "KYB461": "A callback with neither an event nor a condition, or a key that needs the other "
-    "one.",
-    "KYB180": "A fault without a time and a condition, or with both.",
+    "KYB152": "The control rate is not a whole number of Hz, or is too low or too high.",
+    "KYB170": "An action is unknown to the language and to the installed packages.",
+    "KYB171": "A callback does nothing, or an action is not one key with a value.",
+    "KYB461": "A callback has neither an event nor a condition, or a key that needs the other one.",
+    "KYB180": "A fault has neither a time nor a condition, or both.",
 }
 LEAST_CONTROL, MOST_CONTROL = 25, 1000
 _LEFT_TO_LIKE = frozenset({"KYB108", "KYB385"})

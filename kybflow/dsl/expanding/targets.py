@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
 
 CODES = {
-    "KYB150": "A target that the mission doesn't have.",
-    "KYB151": "A target that names a vehicle which doesn't exist, or leaves one without a driver.",
-    "KYB390": "A sensor under a name that no estimator of the vehicle has.",
+    "KYB150": "The mission doesn't have this target.",
+    "KYB151": "A target names an unknown vehicle, or leaves a vehicle without a driver.",
+    "KYB390": "A sensor is assigned to an estimator that the vehicle doesn't have.",
     "KYB400": "A target replaces an input that the mission doesn't have, or a vehicle is called "
-    "`inputs`, which a target needs for itself.",
+    "`inputs`, which is a key of every target.",
 }
 _NOT_HERE = frozenset({"KYB140", "KYB141", "KYB370"})
 FILE = "--target"

@@ -35,9 +35,9 @@ from kybflow.parts.observables import chains_of
 from kybflow.world.cameras import DOWN, Camera, Lens
 
 CODES = {
-    "KYB385": "A camera whose lens is not described, or twice in one place: it has `calibration`, "
-    "or `width`, `height` and `field_of_view`. Of what came through `like`, the nearer one counts.",
-    "KYB143": "A transition without a condition, or a `for` without a `when`.",
+    "KYB385": "A camera's lens is not described, or is described twice in one place. It needs "
+    "`calibration`, or `width`, `height` and `field_of_view`, which override an inherited lens.",
+    "KYB143": "A transition has no condition, or has a `for` without a `when`.",
 }
 _LENS = ("width", "height", "field_of_view")
 _DOWNWARD_AXIS = (0.0, 0.0, -1.0)

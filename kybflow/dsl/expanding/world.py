@@ -68,16 +68,16 @@ from kybflow.world.shapes import Box, Cylinder, MovingSphere, Plane, Shape, Sphe
 from kybflow.world.tags import Tag
 
 CODES = {
-    "KYB153": "A fence whose corners are in the wrong order.",
-    "KYB154": "`world.points.NAME` where the world has no such point.",
-    "KYB155": "An obstacle that is no solid, or several.",
-    "KYB156": "An obstacle with no inside: a box with its corners in the wrong order, a plane that "
-    "faces nowhere.",
-    "KYB380": "An entry of `tags` that is no grid, no tag and no file, or several of them.",
-    "KYB381": "A number of a tag that its family doesn't have.",
-    "KYB382": "A grid of tags that is none: its `count` is not two numbers, or it leaves out what "
-    "it doesn't have, or everything.",
-    "KYB545": "Something scanned of which nothing is left, or more than can be kept away from.",
+    "KYB153": "The corners of the fence are in the wrong order.",
+    "KYB154": "`world.points.NAME` names an unknown point.",
+    "KYB155": "An obstacle is not exactly one solid.",
+    "KYB156": "An obstacle has no inside, such as a box with its corners in the wrong order, or a "
+    "plane without a direction.",
+    "KYB380": "An entry of `tags` is not exactly one of a grid, a tag and a file.",
+    "KYB381": "A tag has a number that its family doesn't have.",
+    "KYB382": "A grid of tags is invalid: its `count` is not two numbers, or it leaves out tags "
+    "that it doesn't have, or all of them.",
+    "KYB545": "A scan or a map has no points left, or too many of them.",
 }
 _ORDER = "each number of `from` must be below that of `to`"
 _SOLIDS = tuple(f.key for f in fields_of(Obstacle) if isinstance(f.type, RecordOf))

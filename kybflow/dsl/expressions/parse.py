@@ -34,13 +34,13 @@ from kybflow.parts.observables import OBSERVABLES
 __all__ = ["Scope", "parse"]
 
 CODES = {
-    "KYB210": "The text is no expression of the language.",
-    "KYB211": "A name that nothing in the mission has.",
-    "KYB212": "Two sides that can't be compared, or a quantity of another dimension or without its "
-    "unit, or a group where one vehicle is needed.",
-    "KYB213": "A form that belongs elsewhere.",
-    "KYB214": "An expression is nested too deep or is too long.",
-    "KYB215": "A bound that can't be reached: a share is from 0 % to 100 %, a time after the "
+    "KYB210": "The text is not an expression of the language.",
+    "KYB211": "A name in an expression is unknown.",
+    "KYB212": "The two sides of a comparison don't fit: another type or dimension, a missing "
+    "unit, or a group instead of one vehicle.",
+    "KYB213": "A form of expression is used where it isn't allowed.",
+    "KYB214": "An expression is nested too deep or too long.",
+    "KYB215": "A bound can't be reached: a share is from 0 % to 100 %, and a time is after the "
     "start.",
 }
 MAX_DEPTH = 32

@@ -53,7 +53,7 @@ class Scope:
     carriers: Collection[str] = ()
     inputs: Mapping[str, Collection[str]] = field(default_factory=dict)
     read: dict[Text, Any] = field(default_factory=dict, compare=False, repr=False)
-    """A cache of what was parsed in this scope, since several checks need it."""
+    """A cache of the texts parsed in this scope, since several checks need them."""
 
 
 class Operand(NamedTuple):
@@ -137,7 +137,7 @@ class Semantics:
         return token.text
 
     def measured(self, token: Token, dimension: Dimension, label: str) -> float:
-        """Return the quantity `token` in SI; report a text that is none."""
+        """Return the quantity `token` in SI; report any other text."""
         try:
             return parse_quantity(token.text, dimension)
         except UnitError as error:

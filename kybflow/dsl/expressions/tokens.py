@@ -115,7 +115,7 @@ class Cursor:
         if not token.text and expected == "`)`":
             hint = f"close the parenthesis: `{self._text.text.strip()})`"
         elif not token.text and "comparison" in expected:
-            hint = "add what it is compared with, such as `< 5 cm`"
+            hint = "compare it, for example with `< 5 cm`"
         message = f"found {shown} where {expected} should be"
         return self.stopped("KYB210", NO_POINT if hint == NAME_A_POINT else message, "", hint)
 

@@ -48,12 +48,12 @@ if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
 
 CODES = {
-    "KYB107": "A parameter that the part doesn't have.",
-    "KYB108": "A part without a parameter that it needs.",
-    "KYB140": "A part that no installed package offers.",
-    "KYB141": "A part that can't be loaded.",
-    "KYB142": "Two parts under one name in one list.",
-    "KYB244": "Values for no state, or for several.",
+    "KYB107": "The part doesn't have this parameter.",
+    "KYB108": "A required parameter of a part is missing.",
+    "KYB140": "No installed package has this part.",
+    "KYB141": "A part can't be loaded.",
+    "KYB142": "A list has two parts with the same name.",
+    "KYB244": "Values are given for no state, or for several.",
 }
 _LABELS = {"trackers": "tracker", "drivers": "driver"}
 _LIKENESS = 0.75
@@ -376,7 +376,7 @@ def _fitting(value: Node, known: Iterable[Field]) -> Iterator[str]:
 
 
 def how_to_write(field: Field) -> str:
-    """Return the hint that shows how to write a parameter, and what it is."""
+    """Return the hint that shows how to write a parameter, and its description."""
     about = field.help.split(". ")[0].rstrip(".")
     example = example_of(field.type) if isinstance(field.type, Numbers) else "..."
     how = f"write `{field.key}: {example}`"

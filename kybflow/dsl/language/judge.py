@@ -74,12 +74,12 @@ if TYPE_CHECKING:
     from jsonschema.protocols import Validator
 
 CODES = {
-    "KYB101": "A key that the language doesn't have there.",
-    "KYB102": "A key that is needed and missing.",
-    "KYB103": "A value of the wrong shape: a list where a mapping is needed, and so on.",
-    "KYB106": "Nothing where something is needed.",
-    "KYB110": "A name that can't be one.",
-    "KYB111": "A version of the language that this program doesn't read.",
+    "KYB101": "The language doesn't have this key here.",
+    "KYB102": "A required key is missing.",
+    "KYB103": "A value has the wrong shape, such as a list where a mapping is needed.",
+    "KYB106": "A value is empty where one is required.",
+    "KYB110": "A name is invalid.",
+    "KYB111": "The version of the language is not supported.",
 }
 _JSON = {str: "string", bool: "boolean", int: "number", float: "number", type(None): "null"}
 _NEVER = {("library", "kybflow"): "remove it; a library begins with `library:`"}
@@ -277,7 +277,7 @@ _JUDGES: dict[type[ValueType], _Judge] = {
 class SchemaViolation(NamedTuple):
     """One error of `jsonschema`. keyword, wanted: the keyword that failed and its value. instance:
     the invalid value. schema: the schema that contains the keyword. node: the node at which the
-    error occurred. name: what an author calls that node."""
+    error occurred. name: the author's word for that node."""
 
     keyword: str
     wanted: Any
@@ -420,8 +420,8 @@ def _way_out(fault: SchemaViolation, types: list[str]) -> str:
 
 
 def _reshaped(node: Node, types: list[str], name: str) -> str:
-    """Return the hint how to write a mapping where a list is written, or a list where a mapping or
-    a text is written; empty if neither applies."""
+    """Return a hint for a list that should be a mapping, or a mapping or text that should be a
+    list; empty if neither applies."""
     if types == ["array"] and isinstance(node, Scalar) and node.text:
         return "write it as a list: each item on its own line, after `- `"
     if name and types == ["object"] and isinstance(node, Sequence):
@@ -431,8 +431,8 @@ def _reshaped(node: Node, types: list[str], name: str) -> str:
 
 
 def _field(name: str, schema: dict[str, Any]) -> Field | None:
-    """Return a field for the schema with what the decoder needs of it, or None if the decoder can't
-    decode such a value."""
+    """Return a field with the parts of the schema that the decoder needs, or None if the decoder
+    can't decode such a value."""
     bounds: Any = {ours: schema[theirs] for theirs, ours in BOUNDS.items() if theirs in schema}
     dimension = DIMENSIONS.get(schema.get("x-dimension", ""))
     if dimension is not None:

@@ -221,7 +221,7 @@ class RecordLayout(NamedTuple):
     least: int = 0
 
 
-_ALIAS = Field("A name of its own, when the same part is used twice.", key="as")
+_ALIAS = Field("Another name, needed if the same part is used twice.", key="as")
 
 
 @functools.cache
@@ -246,7 +246,7 @@ def layout_of(cls: Any) -> RecordLayout:
     if others is EVENT_FIELD:
         others = None
         for name in sorted({name for event in AWAITED_EVENTS.values() for name in event.fields}):
-            about = f"Only when the event's `{name}` is this."
+            about = f"Only events with this `{name}`."
             keys.setdefault(name, Field(about, type=EVENT_FIELD, key=name))
     needed = [f.key for f in fields if is_needed(cls, f)]
     if part is not None and not part.is_needed:

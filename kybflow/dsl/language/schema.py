@@ -177,7 +177,7 @@ class Schemas:
 
     def _uses(self, kind: Any, field: Field) -> Schema:
         """Return the schema of a list of parts, of records of parts, or of stacks."""
-        stack = Field("A stack: its parts for this list stand here.", key="stack")
+        stack = Field("A stack, whose parts for this list are inserted here.", key="stack")
         if isinstance(kind.item, PartOf):
             layout, title, about = part_layout(kind.item), kind.item.kind[:-1], "One of them."
         else:
@@ -211,9 +211,9 @@ class Schemas:
         return self.mapping(part_layout(kind), kind.kind[:-1], field.help)
 
     def _request(self, _: Any, field: Field) -> Schema:
-        about = f"{field.help}, or it with values: `{{goto: {{position: [1, 0, 1]}}}}`."
+        about = f"{field.help}, also with values: `{{goto: {{position: [1, 0, 1]}}}}`."
         values = AnyOf("value", kinds=("object", *SCALARS, "array"))
-        inside = Field("Values of its parameters in place of its own.", type=values)
+        inside = Field("Parameter values that replace those of the behavior.", type=values)
         return self._either(about, inside)
 
     def _either(self, about: str, inside: Field) -> Schema:

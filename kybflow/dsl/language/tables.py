@@ -31,7 +31,7 @@ from kybflow.dsl.plan import Library, Plan
 from kybflow.dsl.reading.values import bounds_of, shown_value
 
 _PLACE = re.compile(r"(<!-- keys: (.+?) -->\n).*?(<!-- end -->)", re.DOTALL)
-_HEAD = "| key | what it is | value | default |\n|---|---|---|---|"
+_HEAD = "| key | description | value | default |\n|---|---|---|---|"
 
 
 def records() -> dict[str, Any]:
@@ -75,7 +75,7 @@ def _rows(cls: Any) -> Iterator[str]:
         if isinstance(field.type, RecordOf) and field.type.flat:
             title = field.type.cls.__name__.lower()
             place = f"[parts](parts.md#{title}s)"
-            yield _row("`...`", f"The numbers of the {title}, as in {place}.", "", "")
+            yield _row("`...`", f"The keys of the {title}, as in {place}.", "", "")
             continue
         is_shown = not field.required and field.default not in (None, (), {}, "")
         is_plain = is_shown and isinstance(field.default, str | int | float | tuple)

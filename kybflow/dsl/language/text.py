@@ -279,7 +279,7 @@ def quantity(value: float, dimension: Dimension) -> str:
 
 
 def quoted(text: str) -> str:
-    """Return a text so that YAML reads it unchanged, in quotes if necessary."""
+    """Return `text` as a YAML scalar, quoted if necessary."""
     if text[:1] in _PLAIN_FIRST and text.replace("_", "").isalnum() and text not in _RESERVED:
         return text
     return "'" + text.replace("'", "''").replace("\n", " ") + "'"

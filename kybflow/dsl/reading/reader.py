@@ -43,19 +43,19 @@ from kybflow.dsl.reading.nodes import (
 from kybflow.dsl.reading.yaml_errors import CLOSE, not_yaml, without_colon
 
 CODES = {
-    "KYB001": "The file can't be opened or is no regular file.",
+    "KYB001": "The file can't be opened or is not a regular file.",
     "KYB002": "The file is larger than a mission may be.",
     "KYB003": "The file is not UTF-8 text.",
     "KYB005": "The file is empty.",
-    "KYB006": "A file holds one document, not several.",
+    "KYB006": "The file contains more than one document.",
     "KYB007": "A mapping has the same key twice.",
-    "KYB008": "YAML tags are refused: a mission holds values, never objects.",
-    "KYB009": "YAML's merge key is refused: `like` says the same with one rule.",
+    "KYB008": "The file contains a YAML tag. A mission has only plain values.",
+    "KYB009": "The file uses YAML's merge key instead of `like`.",
     "KYB010": "A key is not a plain name.",
-    "KYB011": "Nested deeper than a mission needs.",
-    "KYB012": "More values than a mission may have, counted with every alias expanded.",
-    "KYB013": "An alias that nothing defines, or that contains itself.",
-    "KYB015": "A key with a colon and nothing behind it, which is the same as not written.",
+    "KYB011": "The file is nested too deep.",
+    "KYB012": "The file has too many values, counted with every alias expanded.",
+    "KYB013": "An alias is not defined, or contains itself.",
+    "KYB015": "A key has no value, which counts as not written.",
 }
 MAX_NODES = 100_000
 MAX_DEPTH = 40

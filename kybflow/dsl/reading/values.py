@@ -51,11 +51,12 @@ from kybflow.dsl.reading.nodes import (
 )
 
 CODES = {
-    "KYB104": "A value of another type, a quantity of another dimension or without its unit.",
-    "KYB105": "A value outside its bounds.",
-    "KYB109": "A value that is none of the choices.",
-    "KYB370": "A file that a parameter names is missing, unreadable, too large, or elsewhere.",
-    "KYB371": "A file that its part can't use, and the line.",
+    "KYB104": "A value has the wrong type or dimension, or lacks its unit.",
+    "KYB105": "A value is outside its bounds.",
+    "KYB109": "A value is none of the allowed choices.",
+    "KYB370": "A file that a parameter names is missing, unreadable, too large, or outside the"
+    " mission's folder.",
+    "KYB371": "A part can't use a file; the report shows the line.",
 }
 N = TypeVar("N", int, float)
 MAX_FILE_BYTES = 4_000_000

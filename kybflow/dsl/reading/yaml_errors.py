@@ -25,7 +25,7 @@ from kybflow.dsl.reading.nodes import (
 
 CODES = {
     "KYB004": "The file is not YAML.",
-    "KYB014": "A key without a colon: a decimal comma, a comma in a text or a forgotten colon.",
+    "KYB014": "A key has no colon: a decimal comma, a comma in a text or a forgotten colon.",
 }
 _SPECIAL = {"*": "an alias", "&": "an anchor", "!": "a tag", "%": "a directive"}
 _OPEN = {
@@ -92,7 +92,7 @@ class _Stop(NamedTuple):
 
     @property
     def sign(self) -> str:
-        """The first character of what the parser was reading."""
+        """The first character of the value that the parser was reading."""
         if self.began is None:
             return ""
         row, column = self.began

@@ -31,10 +31,10 @@ from kybflow.dsl.resolving.parameters import (
 )
 
 CODES = {
-    "KYB158": "A chain whose transition, or `begin`, names a state that it does not have.",
-    "KYB159": "A name that is taken: of a chain's parameter, or of a state inside of a chain.",
-    "KYB160": "Chains that use each other in a cycle, or more uses than a mission may have.",
-    "KYB161": "A transition to `end` in a chain whose use does not say what follows.",
+    "KYB158": "A transition of a chain, or its `begin`, names a state that the chain doesn't have.",
+    "KYB159": "A chain's parameter, or a state inside a chain, has a name that is taken.",
+    "KYB160": "Chains use each other in a cycle, or there are too many uses of chains.",
+    "KYB161": "A chain has a transition to `end`, but its use doesn't say what follows.",
 }
 MAX_USES = 2000
 OF_CHAINS = frozenset(field.key for field in fields_of(ChainPlan))
@@ -210,7 +210,7 @@ class Chains:
         for other in use.around:
             if other.exports is use.exports and other.do.text == use.do.text:
                 names = " uses ".join(f"`{u.do.text}`" for u in (*use.around, use))
-                message = f"{names[:200]}: this never ends"
+                message = f"{names[:200]}, in a cycle"
                 hint = "remove one of these uses"
                 self._found.report("KYB160", message, use.do.span, help=hint)
                 return True

@@ -26,10 +26,10 @@ from kybflow.dsl.resolving.library_files import LibraryPath, installed, read_lib
 from kybflow.dsl.resolving.parameters import ParameterTable
 
 CODES = {
-    "KYB124": "`like`, `airframe`, `stack`, `world` or `do: chain.` names what doesn't exist.",
-    "KYB125": "Entries that are `like` each other in a cycle, or stacks that hold each other.",
-    "KYB129": "A behavior or phase that is removed, and that `like` does not bring (a warning).",
-    "KYB157": "A stack that has nothing for the list in which it stands.",
+    "KYB124": "`like`, `airframe`, `stack`, `world` or `do: chain.` names something unknown.",
+    "KYB125": "Entries are `like` each other in a cycle, or stacks contain each other.",
+    "KYB129": "A mission removes a behavior or phase that it doesn't inherit (a warning).",
+    "KYB157": "A stack has nothing for the list that contains it.",
 }
 _MAX_CHAIN = 20
 _STANDARD = "kybflow/airframes"
@@ -79,7 +79,7 @@ class Exports:
         return written
 
     def section(self, section: str) -> Mapping | None:
-        """Return a section that this file itself has, its entries completed by what they are
+        """Return a section that this file itself has, its entries completed by those that they are
         `like`; None if the file has no such section."""
         written = self.root.entries.get(section)
         if written is None:
@@ -151,7 +151,7 @@ class Exports:
         if key in self._open or len(self._open) > _MAX_CHAIN:
             verb = "has" if section == "stacks" else "is like"
             chain = f" {verb} ".join(f"`{n}`" for _, n in (*self._open, key))
-            message, hint = f"{chain[:200]}: this never ends", "remove one of these uses"
+            message, hint = f"{chain[:200]}, in a cycle", "remove one of these uses"
             self._found.report("KYB125", message, name.span, help=hint)
             return None
         library, _, inner = name.text.rpartition(".")

@@ -1,4 +1,4 @@
-"""Load imports: what each imported file exports, with the values of its own parameters."""
+"""Load imports: the exports of each imported file, with the values of its own parameters."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from kybflow.dsl.resolving.library_files import (
 from kybflow.dsl.resolving.parameters import ParameterTable, Setting, Substitution, declare, known
 
 CODES = {
-    "KYB122": "Files that import each other in a cycle.",
-    "KYB123": "An imported file that is no library.",
-    "KYB127": "More imports than a mission may have, counted along every way to a library.",
+    "KYB122": "Files import each other in a cycle.",
+    "KYB123": "An imported file is not a library.",
+    "KYB127": "The mission has too many imports, counted along every path to a library.",
 }
 MAX_IMPORTS = 200
 _MAX_CHAIN = 20

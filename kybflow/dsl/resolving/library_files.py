@@ -20,8 +20,8 @@ from kybflow.dsl.reading.nodes import Mapping, Scalar
 from kybflow.dsl.reading.reader import MOST_FILES, ParsedFile, read
 
 CODES = {
-    "KYB120": "An import that names no file.",
-    "KYB121": "An import that leaves the mission's folder and the installed libraries.",
+    "KYB120": "An import names a missing file.",
+    "KYB121": "An import is outside the mission's folder and the installed libraries.",
 }
 GROUP = "kybflow.missions"
 _STANDARD = "the standard library is `kybflow/airframes`"
@@ -108,7 +108,8 @@ def shown_path(path: Path) -> str:
 
 @functools.cache
 def installed(name: str) -> Path | None:
-    """Return the folder `library` of the missions in the package `name`; None if there is none.
+    """Return the folder of the mission libraries in the package `name`, or None if the package has
+    none.
 
     The folder of kybflow itself is `kybflow/missions/library` in a wheel and `missions/library` in
     a checkout. Other packages are found through the entry-point group `kybflow.missions`.

@@ -35,14 +35,15 @@ from kybflow.dsl.reading.values import (
 )
 
 CODES = {
-    "KYB131": "A value for a parameter that the mission, the library or the chain doesn't have.",
-    "KYB132": "A parameter without a value: no default, and nothing set it.",
-    "KYB134": "A parameter of an unknown type.",
-    "KYB135": "A `--set` that is not `name=value`.",
-    "KYB136": "A parameter whose bounds leave no value.",
-    "KYB460": "A parameter that `--set` gives two values.",
-    "KYB130": "`$name` where no parameter has that name.",
-    "KYB133": "A parameter that nothing uses (a warning).",
+    "KYB131": "A value is given for a parameter that the mission, the library or the chain "
+    "doesn't have.",
+    "KYB132": "A parameter has no value: no default, and nothing sets it.",
+    "KYB134": "A parameter has an unknown type.",
+    "KYB135": "A `--set` is not written `name=value`.",
+    "KYB136": "The bounds of a parameter allow no value.",
+    "KYB460": "Two `--set` give a parameter different values.",
+    "KYB130": "`$name` names an unknown parameter.",
+    "KYB133": "A parameter is unused (a warning).",
 }
 _BOUNDS = ("above", "at_least", "below", "at_most")
 _WHOLE = re.compile(r"\$([A-Za-z_]\w*)\Z", re.ASCII)

@@ -19,7 +19,7 @@ from kybflow.dsl.resolving.parameters import Setting, declare
 from kybflow.dsl.resolving.unused import unused_imports
 
 CODES = {
-    "KYB126": "More values than a mission may have, counted after `like`.",
+    "KYB126": "The mission has too many values, counted with those inherited through `like`.",
 }
 MAX_AFTER_LIKE = 200_000
 
@@ -27,8 +27,8 @@ MAX_AFTER_LIKE = 200_000
 class Resolved(NamedTuple):
     """A mission after imports, parameters and `like` are resolved. root: its top level, whose
     airframes, vehicles and flows are complete. parameters: the values of its parameters.
-    names_points: whether the name of a point may occur in it. chains: the names of the chains that
-    it may use."""
+    names_points: whether the mission may name points. chains: the names of the chains that the
+    mission may use."""
 
     root: Mapping
     parameters: dict[str, Parameter]
@@ -122,8 +122,8 @@ def _flows(exports: Exports, room: int, found: Findings) -> Mapping | None:
 
 
 def _left(room: int, whole: Mapping, entry: MappingEntry, found: Findings) -> int:
-    """Return what is left of `room`, a number of values, after the entry that was resolved to
-    `whole`; report KYB126 if nothing is left."""
+    """Return the rest of `room`, a number of values, after the entry that was resolved to `whole`;
+    report KYB126 if nothing is left."""
     left = room - count(whole, room)
     if left <= 0:
         message = (

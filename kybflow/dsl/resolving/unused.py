@@ -21,9 +21,9 @@ from kybflow.dsl.resolving.imports import Files
 from kybflow.dsl.resolving.parameters import Setting
 
 CODES = {
-    "KYB112": "A named point, a group, a stack or a chain of the mission that nothing uses (a "
-    "warning). What a library offers may stay unused, and so may what stands in a comment.",
-    "KYB128": "An import that nothing uses (a warning).",
+    "KYB112": "A named point, a group, a stack or a chain of the mission is unused (a warning). "
+    "Entries of a library may be unused, and so may those that a comment names.",
+    "KYB128": "An import is unused (a warning).",
 }
 _WORD = re.compile(r"\w+")
 _POINT = re.compile(re.escape(PREFIX) + r"(\w+|\$)")

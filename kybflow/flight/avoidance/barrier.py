@@ -127,7 +127,9 @@ def _minimised(
 
     matrix, target = np.array(rows), np.array(wanted, dtype=float)
     if not (np.isfinite(matrix).all() and np.isfinite(target).all()):
-        raise ValueError(f"what is near is not finite: {rows}, {wanted}")
+        raise ValueError(
+            f"a nearby obstacle or the requested acceleration is not finite: {rows}, {wanted}"
+        )
     cost = np.ones(len(target))
     cost[3:] = _MISSED_COST
     bound = np.full(len(target), strongest)

@@ -110,8 +110,8 @@ class Keeping(NamedTuple):
 class Avoidance:
     """The barriers of one vehicle.
 
-    nearby: finds what the vehicle keeps away from. detour: leads the vehicle around what blocks its
-    way; None to stop there.
+    nearby: finds the obstacles and vehicles to keep away from. detour: leads the vehicle around
+    what blocks its way; None to stop there.
     """
 
     def __init__(self, airframe: Airframe, nearby: Nearby, detour: Detour | None = None) -> None:
@@ -128,7 +128,7 @@ class Avoidance:
         given = self.keep_off(setpoint, tick, keeping)
         if not self._gets_stuck:
             return given
-        reason = "what is near leaves no way: it brakes, and gives way"
+        reason = "obstacles leave no safe acceleration: it brakes"
         return Emitting(given, AvoidanceBlocked(reason=reason))
 
     def keep_off(self, setpoint: Setpoint, tick: Tick, keeping: Keeping) -> Setpoint:

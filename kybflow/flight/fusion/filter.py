@@ -146,7 +146,7 @@ class Filter:
     def _refuse(
         self, fix: Fix, reference: Reference, own: Reference | None, flown: Estimate | None
     ) -> None:
-        """Record a refused measurement, and start anew at it if the gate opens."""
+        """Record a refused measurement, and restart from it if the gate opens."""
         pose = _as_pose(fix, reference.attitude)
         velocity = self._gate.opened(pose, reference, own, self._bounds(fix))
         if velocity is not None:
@@ -164,8 +164,8 @@ class Filter:
         return Bounds(gate, p.widest_gate + beside, p.settled, p.doubt)
 
     def _begin(self, fix: Fix, flown: Estimate | None, velocity: Vec3 | None = None) -> None:
-        """Start at a measurement. velocity: the velocity that poses show after they contradicted
-        the filter's state, in which case the IMU's biases may be wrong; else None."""
+        """Start from a measurement. velocity: the velocity of poses that contradicted the filter's
+        state, possibly because of wrong IMU biases; None at other starts."""
         nominal, unknown = self._replay.nominal, self._unknown
         if velocity is not None:
             unknown = unknown._replace(
@@ -204,8 +204,8 @@ class Unknown(NamedTuple):
 
 
 def begun(fix: Fix, unknown: Unknown, attitude: Quat, velocity: Vec3 | None) -> FilterState:
-    """Return a state that starts at `fix`. attitude: the believed attitude, used if the fix has
-    none. velocity: the believed velocity, None if unknown. The causes of the fix's systematic
+    """Return a state that starts at `fix`. attitude: the estimated attitude, used if the fix has
+    none. velocity: the estimated velocity, None if unknown. The causes of the fix's systematic
     errors are correlated with the errors of this state, with the opposite sign."""
     slopes = numpy.zeros((6, 0)) if fix.slopes is None else fix.slopes
     count = slopes.shape[1]

@@ -14,21 +14,21 @@ Source = Literal["mocap", "tags", "position"]
 
 @params
 class FilterParams:
-    source: Source = param("Where measurements come from.", default="mocap", read_only=True)
+    source: Source = param("Source of the measurements.", default="mocap", read_only=True)
     position_noise: Length = param(
-        "Standard deviation of a measured position along each axis, beside what its source tells "
-        "of itself; motion capture tells nothing.",
+        "Standard deviation of a measured position along each axis, in addition to the one that "
+        "the source reports; motion capture reports none.",
         default=0.002, above=0.0,
     )  # fmt: skip
     attitude_noise: Angle = param(
         "Standard deviation of a measured attitude about each axis.", default=0.2 * DEG, above=0.0
     )
     velocity_walk: Speed = param(
-        "What the accelerometer's noise makes of a velocity in one second, standard deviation.",
+        "Standard deviation of the velocity that the accelerometer's noise adds in one second.",
         default=0.005, above=0.0,
     )  # fmt: skip
     attitude_walk: Angle = param(
-        "What the gyroscope's noise makes of an attitude in one second, standard deviation.",
+        "Standard deviation of the attitude that the gyroscope's noise adds in one second.",
         default=0.01 * DEG, above=0.0,
     )  # fmt: skip
     accelerometer_bias: Acceleration = param(
@@ -38,41 +38,41 @@ class FilterParams:
         "Standard deviation of the gyroscope's bias at the start.", default=0.2 * DEG, above=0.0
     )
     accelerometer_drift: Acceleration = param(
-        "By how much the accelerometer's bias changes in one second, standard deviation.",
+        "Standard deviation of the accelerometer's bias change in one second.",
         default=0.0005, at_least=0.0,
     )  # fmt: skip
     gyro_drift: AngularRate = param(
-        "By how much the gyroscope's bias changes in one second, standard deviation.",
+        "Standard deviation of the gyroscope's bias change in one second.",
         default=0.001 * DEG, at_least=0.0,
     )  # fmt: skip
     heading_error: Angle = param(
-        "Standard deviation of the declared heading, where only positions come.",
+        "Standard deviation of the declared heading, if only positions are measured.",
         default=15.0 * DEG, above=0.0, at_most=0.8,
     )  # fmt: skip
     position_wander: Ratio = param(
-        "Share of the variance of positions alone that wanders slowly, so that no average takes it "
-        "away; as much stays in the spread.",
+        "Share of a position's variance that drifts slowly, which averaging can't remove; the "
+        "spread keeps it. Only without attitudes.",
         default=0.5, at_least=0.0, at_most=1.0,
     )  # fmt: skip
     memory: Duration = param(
-        "How late a measurement may come.", default=0.5, above=0.0, at_most=5.0, read_only=True
+        "Largest delay of a measurement.", default=0.5, above=0.0, at_most=5.0, read_only=True
     )
-    samples: int = param("Measurements before there is an estimate.", default=3, at_least=1)
+    samples: int = param("Number of measurements before the first estimate.", default=3, at_least=1)
     gate: Ratio = param(
         "Share of true measurements that the gate may refuse.",
         default=0.001, above=1e-9, below=0.5, read_only=True,
     )  # fmt: skip
     widest_gate: Length = param(
-        "How far from where it is believed the vehicle may be seen, beside four times the "
+        "Allowed distance of a measurement from the estimate, in addition to four times the "
         "measurement's deviation.",
         default=0.5, above=0.0, tightens="down", read_only=True,
     )  # fmt: skip
     doubt: Duration = param(
-        "How long everything may be refused before the estimate is no longer believed.",
+        "Time without an accepted measurement after which the estimate is no longer trusted.",
         default=0.3, above=0.0,
     )  # fmt: skip
     settled: Duration = param(
-        "How long measurements must have been consistent elsewhere, nothing else being flown on, "
-        "before the vehicle counts as carried there; longer than any landing.",
+        "Time for which measurements must agree on another place, without any other estimate in "
+        "use, before the vehicle counts as carried there; longer than any landing.",
         default=20.0, above=0.0,
     )  # fmt: skip

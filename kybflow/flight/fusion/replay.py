@@ -66,7 +66,7 @@ class Fix(NamedTuple):
         return sqrt(max(variance.item(0, 0), variance.item(1, 1), variance.item(2, 2)))
 
     def innovation(self, nominal: Nominal, systematic: Matrix) -> list[float]:
-        """Return the measured minus the predicted values, corrected by the believed systematic
+        """Return the measured minus the predicted values, corrected by the estimated systematic
         errors. That of the attitude is the rotation vector in the body, as twice the tangent of
         half the angle, which `integrate` inverts exactly."""
         (mx, my, mz), (px, py, pz) = self.position, nominal.position

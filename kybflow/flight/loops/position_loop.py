@@ -26,14 +26,14 @@ second-order system, by one frequency w:
 The highest frequency is 4 rad/s, with gains of 16, 9 and 8: in a faster loop, the noise of motion
 capture shakes the vehicle. The integral time is the same at every w, so that lasting disturbances
 are compensated soon in a slow loop too. For a slower inner loop, w is the highest frequency, in
-steps of 0.1 rad/s, at which the margins of the full frequency response are at least
-`PLANNED`: 3 dB, 33 degrees and 20 ms. With these margins, the loop doesn't oscillate even if the
-gains of the on-board loop are a third lower than believed. Textbooks demand 6 dB and 30 degrees
-(Skogestad and Postlethwaite, Multivariable Feedback Control, sec. 2.4.3), for models that know less
-about the delays; here the delay margin is within 20 % of the one in the simulator. Gains that a
-mission sets are compared with the textbook margins, `ASKED`, but the gain margin need not exceed
-that of the designed gains on the same loop, 3.6 dB on the slowest one in the library. Gains that
-leave less than `LEAST` are refused, because no model is exact.
+steps of 0.1 rad/s, at which the margins of the full frequency response are at least `PLANNED`: 3
+dB, 33 degrees and 20 ms. With these margins, the loop doesn't oscillate even if the gains of the
+on-board loop are a third lower than assumed. Textbooks demand 6 dB and 30 degrees (Skogestad and
+Postlethwaite, Multivariable Feedback Control, sec. 2.4.3), for models that know less about the
+delays; here the delay margin is within 20 % of the one in the simulator. Gains that a mission sets
+are compared with the textbook margins, `ASKED`, but the gain margin need not exceed that of the
+designed gains on the same loop, 3.6 dB on the slowest one in the library. Gains that leave less
+than `LEAST` are refused, because no model is exact.
 """
 
 from __future__ import annotations
@@ -58,10 +58,9 @@ FILTERS = TrackedParams()
 
 
 class Stiffness(NamedTuple):
-    """The position gains of a law with a gain matrix, rising: along two horizontal directions
-    (`level`) and upwards (`up`). is_coupled: the matrix couples the height with x and y; each of
-    its three gains is then used for every direction, which is right as far as all directions
-    respond alike."""
+    """The position gains of a gain matrix, in ascending order: along two horizontal directions
+    (`level`) and upwards (`up`). is_coupled: the matrix couples the height with x and y; all three
+    gains are then used for every direction, which is exact if all directions respond alike."""
 
     level: tuple[float, ...]
     up: tuple[float, ...]
@@ -203,16 +202,16 @@ Gains = tuple[float, float, float]
 @params
 class DesignedGains:
     proportional: Number | None = param(
-        "Acceleration per metre of position error; by default as the loop on board allows, 16 at"
-        " most.",
+        "Acceleration per metre of position error; by default as high as the on-board"
+        " loop allows, at most 16.",
         default=None, above=0,
     )  # fmt: skip
     derivative: Number | None = param(
-        "Acceleration per m/s of velocity error; by default likewise, 9 at most.",
+        "Acceleration per m/s of velocity error; by default likewise, at most 9.",
         default=None, above=0,
     )  # fmt: skip
     integral: Number | None = param(
-        "Acceleration per metre and second of position error; by default likewise, 8 at most.",
+        "Acceleration per metre and second of position error; by default likewise, at most 8.",
         default=None, at_least=0,
     )  # fmt: skip
 

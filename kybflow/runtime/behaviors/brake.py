@@ -24,7 +24,9 @@ class BrakeParams:
     )
     slower_than: Speed = param("Speed below which the vehicle has stopped.", default=0.1, above=0.0)
     patience: Duration = param(
-        "Time after the end of the path when it is done in any case.", default=5.0, at_least=0.0
+        "Time after the planned end of the path at which the behavior is done in any case.",
+        default=5.0,
+        at_least=0.0,
     )
 
 

@@ -37,7 +37,10 @@ class CircleParams:
         "Speed along the circle; negative flies clockwise.", default=0.5, read_only=True
     )
     laps: Number | None = param(
-        "Laps to fly; without it the behavior never ends.", default=None, above=0.0, read_only=True
+        "Number of laps; by default the behavior never ends.",
+        default=None,
+        above=0.0,
+        read_only=True,
     )
     acceleration: Acceleration = param(
         "Largest acceleration along the path.", default=0.7, above=0.0, read_only=True

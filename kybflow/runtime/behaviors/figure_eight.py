@@ -1,4 +1,4 @@
-"""Trace a horizontal figure eight around the position of entry, and stop where it began.
+"""Trace a horizontal figure eight around the position of entry, and stop at its start.
 
     p = e sin theta + n sin 2 theta        (Lissajous 1:2; TeleKyb paper, ECMR 2013, fig. 5)
 
@@ -37,13 +37,13 @@ _UNIT = tuple((sin(phase), sin(2.0 * phase)) for phase in _PHASES)
 class FigureEightParams:
     width: Length = param("Extent along the long axis.", above=0.0, read_only=True)
     height: Length | None = param(
-        "Extent across; half the width where it is not given.",
+        "Extent along the short axis; by default half the width.",
         default=None, above=0.0, read_only=True,
     )  # fmt: skip
     lap: Duration = param("Time for one loop of the eight.", above=0.0, read_only=True)
     laps: Number = param("Loops to fly.", default=1.0, above=0.0, read_only=True)
     ramp: Duration = param(
-        "Time in which the pace rises at the start and falls at the end.",
+        "Time in which the speed rises at the start and falls at the end.",
         default=2.0, above=0.0, read_only=True,
     )  # fmt: skip
     rotation: Angle = param(

@@ -37,23 +37,23 @@ class FlyToParams:
         "Largest acceleration and deceleration.", default=0.7, above=0.0, read_only=True
     )
     heading: Angle | None = param(
-        "Heading at the goal; without it the heading is kept.", default=None, read_only=True
+        "Heading at the goal; by default the heading is kept.", default=None, read_only=True
     )
     turn_rate: AngularRate = param(
         "Largest rate of turning to the heading.", default=1.0, above=0.0, read_only=True
     )
     tolerance: Length = param(
-        "Distance that counts as there.", default=0.02, above=0.0, room="across"
+        "Distance from the goal that counts as arrived.", default=0.02, above=0.0, room="across"
     )
     heading_tolerance: Angle | None = param(
-        "Angle from the heading that counts as there; without it the heading may be any.",
+        "Heading error that counts as arrived; by default any heading does.",
         default=None, above=0.0,
     )  # fmt: skip
     dwell: Duration = param(
-        "How long it must be there.", default=0.3, at_least=0.0, limited_by="patience"
+        "Time that the vehicle must stay there.", default=0.3, at_least=0.0, limited_by="patience"
     )
     patience: Duration = param(
-        "Time past the planned end after which it has failed.", default=10.0, above=0.0
+        "Time past the planned end after which the behavior fails.", default=10.0, above=0.0
     )
 
 

@@ -34,28 +34,33 @@ _TURN_RATE = 1.0
 class FollowParams:
     vehicle: str = param("The vehicle that is followed.", names="vehicle", read_only=True)
     offset: Position = param(
-        "Where to be, seen from it: forward, to the left, up.", default=(-1.0, 0.0, 0.0)
+        "Position relative to the leader: forward, to the left, up.", default=(-1.0, 0.0, 0.0)
     )
     frame: Literal["heading", "world"] = param(
-        "Whether the offset turns with its heading, and so does the vehicle; or points east, north"
-        " and up.",
+        "Whether the offset and the vehicle turn with the leader's heading, or the offset points "
+        "east, north and up.",
         default="heading", read_only=True,
     )  # fmt: skip
     speed: Speed = param("Largest speed.", default=0.8, above=0.0)
     acceleration: Acceleration = param("Largest acceleration.", default=1.0, above=0.0)
     clearance: Length = param(
-        "Least distance between the centres of the two that the offset may have.",
+        "Smallest allowed distance between the centres of the two vehicles.",
         default=0.6, above=0.0,
     )  # fmt: skip
     delay: Duration = param(
-        "Least age of what it hears, to simulate a radio.",
+        "Smallest age of the leader's messages, to simulate a radio.",
         default=0.0, at_least=0.0, below=0.4, limited_by="freshness",
     )  # fmt: skip
     freshness: Duration = param(
-        "Age of the news from which the other is silent.", default=0.3, above=0.0, at_most=5.0
+        "Age of the newest message above which the leader counts as silent.",
+        default=0.3,
+        above=0.0,
+        at_most=5.0,
     )
     patience: Duration = param(
-        "How long it waits for a silent vehicle until it has failed.", default=2.0, at_least=0.0
+        "Time to wait for a silent leader, after which the behavior fails.",
+        default=2.0,
+        at_least=0.0,
     )
 
 
@@ -87,7 +92,9 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
                 off = wrap(leading.heading - self._heading)
                 self._rate = max(-_TURN_RATE, min(_TURN_RATE, leading.rate + 2.0 * off))
                 self._heading = wrap(self._heading + self._rate * tick.dt)
-        self.waits_for = None if leading is not None else f"news, as {self._leader.trouble}"
+        self.waits_for = (
+            None if leading is not None else f"a message, because {self._leader.trouble}"
+        )
         motion = follower.follow(goal, self._speed, p.acceleration, tick.dt)
         if follower.has_caught_up(goal, p.acceleration, tick.dt):
             follower.join(goal)
@@ -121,7 +128,7 @@ class Follow(Behavior[FollowParams], flight=AIR >> AIR, emits=SetpointKind.POSIT
             )
         unheard, apart = params.speed * params.freshness, norm(params.offset)
         if unheard > apart > 0.0:
-            reason = f"lets a silent vehicle be {unheard:.3g} m off, which is {apart:.3g} m away"
+            reason = f"allows a silent leader to move {unheard:.3g} m, and it is {apart:.3g} m away"
             hint = f"write {apart / params.speed:.2g} s at most"
             yield Objection("freshness", reason, hint, is_doubt=True)
 

@@ -30,23 +30,25 @@ class FollowPathParams:
         "Largest acceleration and deceleration.", default=0.7, above=0.0
     )
     tolerance: Length = param(
-        "Distance that counts as at a corner.", default=0.05, above=0.0, room="across"
+        "Distance from a corner that counts as arrived.", default=0.05, above=0.0, room="across"
     )
     heading: Angle | None = param(
-        "Heading on the path; without it the heading is kept.", default=None, read_only=True
+        "Heading on the path; by default the heading is kept.", default=None, read_only=True
     )
     turn_rate: AngularRate = param(
         "Largest rate of turning to the heading.", default=1.0, above=0.0, read_only=True
     )
     heading_tolerance: Angle | None = param(
-        "Angle from the heading that counts as at a corner; without it the heading may be any.",
+        "Heading error that counts as arrived at a corner; by default any heading does.",
         default=None, above=0.0,
     )  # fmt: skip
     dwell: Duration = param(
-        "How long it must be there.", default=0.1, at_least=0.0, limited_by="patience"
+        "Time that the vehicle must stay there.", default=0.1, at_least=0.0, limited_by="patience"
     )
     patience: Duration = param(
-        "Time past the planned end of a leg after which it has failed.", default=10.0, above=0.0
+        "Time past the planned end of a leg after which the behavior fails.",
+        default=10.0,
+        above=0.0,
     )
 
 

@@ -34,7 +34,7 @@ from kybflow.parts import AIR, Behavior, Entry, Footprint, Origin, param, params
 class FollowTrajectoryParams:
     file: File = param("The table of the trajectory.", read_only=True, reads=read_trajectory)
     gate: Length = param(
-        "Distance from the first point within which it starts.",
+        "Largest distance from the first point at which the behavior starts.",
         default=0.5, above=0.0, read_only=True, room="across",
     )  # fmt: skip
     approach: Speed = param(
@@ -48,14 +48,20 @@ class FollowTrajectoryParams:
         "Largest rate of turning to the first yaw.", default=1.0, above=0.0, read_only=True
     )
     tolerance: Length = param(
-        "Distance that counts as at the first point.", default=0.05, above=0.0, room="across"
+        "Distance from the first point that counts as arrived.",
+        default=0.05,
+        above=0.0,
+        room="across",
     )
-    slower_than: Speed = param("Speed that counts as at rest there.", default=0.1, above=0.0)
+    slower_than: Speed = param("Speed that counts as at rest.", default=0.1, above=0.0)
     dwell: Duration = param(
-        "How long it must be at rest there.", default=0.3, at_least=0.0, limited_by="patience"
+        "Time that the vehicle must be at rest at the first point.",
+        default=0.3,
+        at_least=0.0,
+        limited_by="patience",
     )
     patience: Duration = param(
-        "Time past the planned arrival at the first point after which it has failed.",
+        "Time past the planned arrival at the first point after which the behavior fails.",
         default=10.0, above=0.0,
     )  # fmt: skip
 

@@ -28,7 +28,7 @@ _STEP = 0.05
 @params
 class GoHomeParams:
     height: Length = param(
-        "Least height above the ground of the start at which it flies.",
+        "Smallest height of the flight above the ground of the start.",
         default=1.0, above=0.0, read_only=True, room="up",
     )  # fmt: skip
     speed: Speed = param("Largest speed.", default=0.5, above=0.0, read_only=True)
@@ -36,10 +36,12 @@ class GoHomeParams:
         "Largest acceleration and deceleration.", default=0.7, above=0.0, read_only=True
     )
     tolerance: Length = param(
-        "Distance that counts as there.", default=0.1, above=0.0, room="across"
+        "Distance from the goal that counts as arrived.", default=0.1, above=0.0, room="across"
     )
     patience: Duration = param(
-        "Time past the planned end when it is done in any case.", default=5.0, at_least=0.0
+        "Time past the planned end at which the behavior is done in any case.",
+        default=5.0,
+        at_least=0.0,
     )
 
 

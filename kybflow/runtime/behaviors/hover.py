@@ -16,7 +16,7 @@ from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 @params
 class HoverParams:
     for_time: Duration | None = param(
-        "How long to hover; without it the behavior never ends.", default=None, at_least=0.0
+        "Time to hover; by default the behavior never ends.", default=None, at_least=0.0
     )
 
 

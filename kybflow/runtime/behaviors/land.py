@@ -24,7 +24,7 @@ follows then needs no height.
 It does not land on another vehicle (`kybflow.flight.landing_place`): the descent pauses while one
 is below. Without a `position` it moves to a free place beside that vehicle; with one it waits for
 `patience` and then fails. Without a `position` it does not land on the edge of an obstacle of the
-world either: it moves to a free place beside it. Where there is none it says so, waits for
+world either: it moves to a free place beside it. Without a free place it reports this, waits for
 `patience` and then descends, because the edge won't go away and a landing must end on the ground.
 
 If the vehicle is already on the ground, the behavior ends at once. Its last setpoint is IDLE. A
@@ -71,7 +71,7 @@ on the ground."""
 @params
 class LandParams:
     position: Position | None = param(
-        "Where to land, on the ground; without it the vehicle lands where it is.",
+        "Position on the ground to land at; by default the vehicle lands where it is.",
         default=None, read_only=True,
     )  # fmt: skip
     approach: Speed = param(
@@ -82,18 +82,22 @@ class LandParams:
         default=0.05, above=0.0, room="across",
     )  # fmt: skip
     patience: Duration = param(
-        "Time past the planned arrival above the position after which it has failed; the longest "
-        "that the descent waits, and that it comes no lower.",
+        "Time past the planned arrival above the position after which the behavior fails; also "
+        "the longest wait in the descent, and the longest time without getting lower.",
         default=10.0, above=0.0,
     )  # fmt: skip
     speed: Speed = param("Descent speed.", default=0.5, above=0.0, at_most=1.0)
     slow_speed: Speed = param("Descent speed near the ground.", default=0.2, above=0.1, at_most=0.5)
     slow_below: Length = param(
-        "Height above the expected ground where it slows down.", default=0.4, at_least=0.0
+        "Height above the expected ground at which the descent slows down.",
+        default=0.4,
+        at_least=0.0,
     )
     acceleration: Acceleration = param("Largest vertical acceleration.", default=0.7, above=0.0)
     dwell: Duration = param(
-        "How long the vehicle must have stopped to be on the ground.", default=0.6, above=0.0
+        "Time without motion after which the vehicle counts as on the ground.",
+        default=0.6,
+        above=0.0,
     )
 
 
@@ -146,7 +150,7 @@ class Land(
         setpoint = self._setpoint(tick.elapsed, pull)
         self._stalled += 0.0 if waits else tick.dt
         if self._stalled > p.patience:
-            return Failed(setpoint, f"no lower for {p.patience:g} s, and no ground")
+            return Failed(setpoint, f"no lower for {p.patience:g} s, and no ground reached")
         if self._barred > p.patience and below is not None and not below.is_fixed:
             return Failed(setpoint, f"{self.waits_for} for {p.patience:g} s")
         if not self._descends and tick.elapsed > self._arrival + p.patience:
@@ -157,8 +161,8 @@ class Land(
         return setpoint
 
     def _below(self, tick: Tick, own: Vec3) -> Below | None:
-        """Return what is below and bars the descent, or None. Without a `position`, choose a new
-        goal beside it."""
+        """Return the vehicle or edge below that prevents the descent, or None. Without a
+        `position`, choose a new goal beside it."""
         if tick.elapsed >= self._look:
             self._look = tick.elapsed + _LOOK_PERIOD_S
             below = what_is_below(self._context, own, tick.fleet)

@@ -21,7 +21,7 @@ It begins at the velocity of the last setpoint if that was within 0.3 m of the l
 at that of the last estimate; if the frame of the estimate is wrong (`mocap_frame`), at the velocity
 by the IMU. The horizontal velocity is braked first, as hard as the airframe's largest tilt allows,
 by a model of the vehicle (`kybflow.flight.descent.BlindBrake`) in the vehicle's heading. A bump
-against a wall or another vehicle is not taken for the floor.
+against a wall or another vehicle is not mistaken for the floor.
 
 If nothing has arrived from the vehicle for 0.25 s, no command is sent either: the vehicle lands by
 its own watchdog, which the preflight has checked and which reads the IMU.
@@ -81,11 +81,11 @@ class LandBlindParams:
         "Time in which the thrust goes down to `share`.", default=1.0, above=0.0, read_only=True
     )
     fade: Damping = param(
-        "Share of the hover thrust that is taken away each second after that.",
+        "Share of the hover thrust by which the thrust then falls each second.",
         default=0.01, above=0.0, read_only=True,
     )  # fmt: skip
     time_bound: Duration = param(
-        "Time after which the rotors stop where no IMU is heard; long enough for the slowest "
+        "Time after which the rotors stop if there is no IMU; long enough for the slowest "
         "descent from the mission's greatest height.",
         default=12.0, above=0.0, read_only=True,
     )  # fmt: skip
@@ -130,7 +130,7 @@ class LandBlind(
             if known is None or height_in_the_air(self._context, known, ()) <= 0.0:
                 return Done(IDLE)
         self.lets_go = self._descent is None and tick.link_age > _LINK_TIMEOUT_S
-        self.waits_for = "its own watchdog, as nothing is heard of it" if self.lets_go else None
+        self.waits_for = "its own watchdog, because the link is silent" if self.lets_go else None
         thrust = self._felt
         if thrust is None:
             p, time = self.params, tick.elapsed

@@ -26,10 +26,10 @@ from kybflow.parts import AIR, GROUND, Behavior, Entry, Footprint, param, params
 @params
 class ReleasePayloadParams:
     patience: Duration = param(
-        "Time without an acknowledgement after which it has failed.", default=3.0, above=0.0
+        "Time without an acknowledgement after which the behavior fails.", default=3.0, above=0.0
     )
     settle: Duration = param(
-        "How long it holds its place after that, in the air.", default=1.0, at_least=0.0
+        "Time that the vehicle then holds its position in the air.", default=1.0, at_least=0.0
     )
 
 

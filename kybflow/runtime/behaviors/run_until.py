@@ -1,6 +1,6 @@
 """Fly on with a constant velocity until a condition, a distance or a time ends it.
 
-For looking for something whose place is not known: "go east until the tag is seen". The condition
+Use it to search for something at an unknown place: "go east until the tag is seen". The condition
 is a `next` of the mission; the behavior itself ends smoothly at `at_most` or after `for_time`,
 whichever comes first, so that a condition that never comes true ends it too:
 
@@ -35,16 +35,16 @@ from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 class RunUntilParams:
     velocity: Velocity = param("Velocity, world frame.", read_only=True)
     at_most: Length = param(
-        "Way over ground after which it has stopped in any case.", above=0.0, read_only=True
+        "Horizontal distance after which the vehicle stops in any case.", above=0.0, read_only=True
     )
     for_time: Duration | None = param(
-        "Time after which it has stopped in any case.", default=None, above=0.0, read_only=True
+        "Time after which the vehicle stops in any case.", default=None, above=0.0, read_only=True
     )
     acceleration: Acceleration = param(
         "Largest acceleration and deceleration.", default=0.7, above=0.0, read_only=True
     )
     patience: Duration = param(
-        "Time past the planned end after which it has failed.", default=10.0, above=0.0
+        "Time past the planned end after which the behavior fails.", default=10.0, above=0.0
     )
 
 

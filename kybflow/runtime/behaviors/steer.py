@@ -53,14 +53,14 @@ _FELT_DISTANCE = 0.5
 
 @params
 class SteerParams:
-    input: str = param("The input that steers it.", names="input", read_only=True)
+    input: str = param("The input that steers the vehicle.", names="input", read_only=True)
     by: Literal["velocity", "tilt", "signals"] = param(
-        "What `x` and `y` are.", default="velocity", read_only=True
+        "Meaning of `x` and `y`.", default="velocity", read_only=True
     )
     frame: Literal["heading", "world"] = param(
-        "Where `x` and `y` point.", default="heading", read_only=True
+        "Frame of `x` and `y`.", default="heading", read_only=True
     )
-    speed: Speed = param("Largest level speed.", default=0.5, above=0.0)
+    speed: Speed = param("Largest horizontal speed.", default=0.5, above=0.0)
     climb: Speed = param("Largest vertical speed.", default=0.3, above=0.0)
     turn_rate: AngularRate = param("Largest rate of turning.", default=0.8, above=0.0)
     acceleration: Acceleration = param("Largest acceleration.", default=1.0, above=0.0)
@@ -68,17 +68,17 @@ class SteerParams:
         "Tilt of a full stick.", default=6 * pi / 180, above=0.0, below=0.6, read_only=True
     )
     margin: Length = param(
-        "Kept from the fence.", default=0.3, at_least=0.0, tightens="up", room="across"
+        "Distance from the fence.", default=0.3, at_least=0.0, tightens="up", room="across"
     )
     clearance: Length = param(
-        "Kept between hubs and obstacles.", default=0.3, above=0.0, tightens="up", room="across"
+        "Distance between hubs and obstacles.", default=0.3, above=0.0, tightens="up", room="across"
     )
     lowest: Length = param(
-        "Least height above the ground of the start.",
+        "Smallest height above the ground of the start.",
         default=0.4, above=0.0, tightens="up", room="up",
     )  # fmt: skip
     patience: Duration = param(
-        "How long it brakes for a lost input until it fails.", default=2.0, at_least=0.0
+        "Time to brake for a lost input, after which the behavior fails.", default=2.0, at_least=0.0
     )
 
 

@@ -34,13 +34,13 @@ class TakeOffParams:
         "Largest vertical acceleration.", default=0.5, above=0.0, read_only=True
     )
     tolerance: Length = param(
-        "Distance from the height that counts as there.", default=0.1, above=0.0, room="up"
+        "Height error that counts as arrived.", default=0.1, above=0.0, room="up"
     )
     dwell: Duration = param(
-        "How long it must be there.", default=0.3, at_least=0.0, limited_by="patience"
+        "Time that the vehicle must stay there.", default=0.3, at_least=0.0, limited_by="patience"
     )
     patience: Duration = param(
-        "Time past the planned end after which it has failed.", default=5.0, above=0.0
+        "Time past the planned end after which the behavior fails.", default=5.0, above=0.0
     )
 
 

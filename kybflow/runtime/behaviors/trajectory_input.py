@@ -7,8 +7,8 @@ velocity and acceleration of both; to the first point it starts from its current
 first point it rests at the position of entry.
 
 A velocity or acceleration that a point lacks is fitted when the vehicle sets out for the point, by
-the splines of `follow_trajectory` through the points that have come by then, up to eight. The last
-of these is passed with the speed of the curve if it is less than half a second after the one
+the splines of `follow_trajectory` through the points that have arrived by then, up to eight. The
+last of these is passed with the speed of the curve if it is less than half a second after the one
 before, as in a stream, and is otherwise reached at rest; to stop at the end of a stream, give its
 last point the velocity zero.
 
@@ -34,8 +34,8 @@ from kybflow.parts import AIR, Behavior, Entry, Footprint, param, params
 
 _MOST_POINTS = 2000
 _FITTED, _STREAMED = 8, 0.5
-"""Largest number of points to come through which a curve is fitted, and the time between the last
-two, s, below which more are expected."""
+"""Largest number of future points to which a curve is fitted, and the time between the last two, s,
+below which more are expected."""
 _SPEED_FACTOR = 1.05
 """Largest mean speed to a point, as a multiple of the airframe's speed."""
 
@@ -43,10 +43,10 @@ _SPEED_FACTOR = 1.05
 @params
 class TrajectoryInputParams:
     timeout: Duration = param(
-        "How long it waits for a point until it has failed.", default=2.0, above=0.0
+        "Time to wait for a point, after which the behavior fails.", default=2.0, above=0.0
     )
     horizon: Duration = param(
-        "How far ahead a point may be.", default=10.0, above=0.0, at_most=600.0
+        "Largest time that a point may be ahead.", default=10.0, above=0.0, at_most=600.0
     )
 
 
@@ -87,12 +87,12 @@ class TrajectoryInput(
         if self._points and point.time <= self._points[-1].time:
             return f"it is not later than the last point, of {self._points[-1].time:.3f} s"
         if point.time <= now:
-            return f"it is stale: it is {now:.3f} s already"
+            return f"it is stale: the time is {now:.3f} s"
         if point.time > now + self.params.horizon or len(self._points) >= _MOST_POINTS:
             return f"it is {point.time - now:.1f} s ahead, {self.params.horizon:g} s are allowed"
         fence = self._context.fence
         if fence is not None and (outside := fence.outside_by(point.position)) > 0.0:
-            return f"it is {outside:.2f} m outside of the fence"
+            return f"it is {outside:.2f} m outside the fence"
         start, since = self._before.position, now
         if self._points:
             start, since = self._points[-1].position, self._points[-1].time
@@ -127,7 +127,7 @@ class TrajectoryInput(
         self._before = motion
         setpoint = motion.setpoint(self._heading, self._rate)
         if self.waits_for is not None and now - self._coasts_since > self.params.timeout:
-            return Failed(setpoint, f"no point has come for {self.params.timeout:g} s")
+            return Failed(setpoint, f"no point has arrived for {self.params.timeout:g} s")
         return setpoint
 
     def _completed(self, start: _Knot) -> _Knot:

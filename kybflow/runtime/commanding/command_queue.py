@@ -106,13 +106,13 @@ class CommandQueue:
         """Give a command. by: the name of the person who gives it. answered: receives the answer.
         take: whether to take the lease from another person."""
         if by == SCHEDULE:
-            answered(Answer(False, f"nobody may be called `{SCHEDULE}`"))
+            answered(Answer(False, f"no client can be called `{SCHEDULE}`"))
         elif not (_is_line(by) and _is_line(text(order))):
             answered(
                 Answer(False, f"a command is one line of at most {MOST_LETTERS} printed letters")
             )
         elif not self._put(GivenCommand(order, by, take, answered)):
-            busy = f"{MOST_WAITING} commands wait already"
+            busy = f"{MOST_WAITING} commands are already waiting"
             answered(Answer(False, OVER if self._closed else busy))
 
     def look(self, shown: Shown) -> None:

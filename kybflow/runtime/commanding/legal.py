@@ -31,7 +31,8 @@ def check_emitted(plan: Plan, names: Iterable[str]) -> None:
     for name in names:
         if name in AWAITED_EVENTS:
             raise EventRefused(
-                f"the mission doesn't wait for a person's `{name}`: kybflow tells it"
+                f"the mission doesn't wait for a person's `{name}`: kybflow raises that event "
+                "itself"
             )
         if name not in known:
             hint = did_you_mean(name, known)

@@ -45,7 +45,7 @@ class VehicleSituation:
     holders: what holds the vehicle: `pause`, `brake`, `pilot`.
     latched: the failsafe's latched reaction, which only a reset clears.
     braking: the reasons of the alarms that brake the vehicle.
-    override: why somebody else has control.
+    override: why a pilot or another program has control.
     retired: why the vehicle lands for the rest of the run.
     driver: the flow that drives the vehicle.
     battery: the remaining charge, 0 to 1.

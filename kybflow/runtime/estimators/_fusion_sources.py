@@ -35,8 +35,7 @@ class Jitter:
 
     at any velocity; an acceleration a adds a t (t + s) / 2, less than 1 mm at 120 Hz. The variance
     is averaged over `AVERAGING_S`. A difference that no flight explains is a jump, not noise. After
-    a gap, the measurement starts anew. Motion capture doesn't report its noise (for noise learnt
-    from
+    a gap, the measurement restarts. Motion capture doesn't report its noise (for noise learnt from
     innovations: R. Mehra, "Approaches to adaptive filtering", IEEE TAC 1972).
 
     position, attitude: the variances along and about each axis, m^2 and rad^2.

@@ -1,6 +1,5 @@
-"""What `mocap` learns from an IMU: by which angle the body is rotated on its vehicle, which
-disturbance accelerates the vehicle (`FeltForce`), and how much too late poses are stamped
-(`StampOffset`).
+"""Estimates from an IMU, for `mocap`: the rotation of the body on its vehicle, the disturbance that
+accelerates the vehicle (`FeltForce`), and the delay of the poses' stamps (`StampOffset`).
 """
 
 from __future__ import annotations
@@ -213,7 +212,8 @@ class StampOffset:
         self._product = self._square = 0.0
 
     def look(self, time: Time, seen: Quat) -> None:
-        """Learn from the attitude of a new pose. time: its uncorrected stamp."""
+        """Update the clock offset with the attitude `seen` in a new pose. time: the pose's
+        uncorrected stamp."""
         self._poses += 1
         if self._poses < POSES_PER_READING:
             return

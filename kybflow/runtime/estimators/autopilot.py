@@ -4,9 +4,9 @@ Its newest odometry (position p, velocity v, attitude q, turn rate w, at time t)
 
     p + (now - t) v,    q turned at w for (now - t),
 
-with the same velocities. It is extrapolated by `ahead` at most; the estimate of older odometry
-stays there while its `age` grows. spread: as the autopilot reports it, metres. Odometry is ignored
-if it is not newer than the last, not finite, or if its attitude is no rotation.
+with the same velocities. Odometry is extrapolated by `ahead` at most; after that, the estimate
+stays where it is and its `age` grows. spread: as the autopilot reports it, metres. Odometry is
+ignored if it is not newer than the last, not finite, or if its attitude is not a rotation.
 
 If the autopilot gets its position from this program (external vision), its estimate is not
 independent: it has the same age and errors, and is continued by the autopilot's IMU when that
@@ -28,7 +28,7 @@ from kybflow.world.vehicle_context import VehicleContext
 @params
 class AutopilotEstimatorParams:
     ahead: Duration = param(
-        "How far it is moved on at most.", default=0.2, at_least=0.0, at_most=2.0
+        "Largest time by which odometry is extrapolated.", default=0.2, at_least=0.0, at_most=2.0
     )
 
 

@@ -23,7 +23,7 @@ A measurement is refused if only a fraction `gate` of correct ones has a larger 
 (chi-square), or if it is further than `widest_gate` plus four times its own deviation from the
 expected position, however large the filter's own spread is. The expected position is that of the
 estimate on which the vehicle flies if another estimator gives it, otherwise the filter's. So a body
-that was exchanged with another's is not followed. The filter starts anew from refused measurements
+that was exchanged with another's is not followed. The filter restarts from refused measurements
 that agree for `doubt` seconds and are where the vehicle can be, or that agree for `settled` seconds
 in which the vehicle flew on no other estimate (`kybflow.flight.pose_gate`).
 

@@ -58,11 +58,11 @@ MOST_ACCELERATION, MOST_TURN = 1.0, 0.1
 @params
 class InertialParams:
     fresh: Duration = param(
-        "Another's estimate is followed while its newest measurement is younger.",
+        "Age of the newest measurement below which another estimator's estimate is followed.",
         default=0.05, above=0.0,
     )  # fmt: skip
     bandwidth: Frequency = param(
-        "How fast another's estimate is followed and the biases are learnt.",
+        "Time constant of following another estimator's estimate and learning the biases.",
         default=0.5, above=0.0, at_most=2.0,
     )  # fmt: skip
     speed_error: Speed = param(
@@ -70,11 +70,11 @@ class InertialParams:
         default=0.02, at_least=0.0,
     )  # fmt: skip
     drift: Acceleration = param(
-        "Standard deviation of the acceleration's error, biases learnt.",
+        "Standard deviation of the acceleration's error after the biases are learnt.",
         default=0.05, at_least=0.0,
     )  # fmt: skip
     first_drift: Acceleration = param(
-        "Standard deviation of the acceleration's error before biases are learnt.",
+        "Standard deviation of the acceleration's error before the biases are learnt.",
         default=0.3,
         at_least=0.0,
     )

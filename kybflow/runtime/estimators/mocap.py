@@ -2,15 +2,15 @@
 
 The filter is `kybflow.flight.tracked_pose`.
 
-A pose is dropped if its stamp is not newer than the last one's, or if it is invalid, as that of a
-lost body (not finite, or no rotation). After a gap longer than `gap` the filter starts again, and
-there is no estimate until `samples` poses have arrived. spread: running standard deviation of the
-innovation along an axis, metres.
+A pose is dropped if its stamp is not newer than the last one's, or if it is invalid, like that of a
+lost body (not finite, or not a rotation). After a gap longer than `gap` the filter starts again,
+and there is no estimate until `samples` poses have arrived. spread: running standard deviation of
+the innovation along an axis, metres.
 
 A pose that the vehicle can't have reached by flight is dropped as well (two bodies were exchanged,
-or a reflection was taken for a marker), so that the estimate ages and is no longer healthy. If the
-vehicle can have reached such poses, and they agree for 0.3 s, the poses are right and the state is
-wrong: the filter starts again from them (`kybflow.flight.pose_gate`).
+or a reflection was mistaken for a marker), so that the estimate ages and is no longer healthy. If
+the vehicle can have reached such poses, and they agree for 0.3 s, the poses are right and the state
+is wrong: the filter starts again from them (`kybflow.flight.pose_gate`).
 
 If IMU samples arrive at 125 Hz or more, which a tracker may request, they are used to estimate how
 the body of motion capture is rotated relative to the vehicle, which disturbance accelerates the
@@ -46,27 +46,27 @@ second unless a tracker requests more, and their integral is late by half of tha
 @params
 class MocapParams(TrackedParams):
     gate: Length = param(
-        "How far a pose may be from the predicted one, beside four times the spread and what an "
-        "unknown acceleration explains.",
+        "Allowed distance of a pose from the predicted one, in addition to four times the spread "
+        "and the effect of an unknown acceleration.",
         default=0.1, above=0.0, tightens="down",
     )  # fmt: skip
     widest_gate: Length = param(
-        "How far it may be at most, however long the last pose was ago.",
+        "Largest allowed distance, however old the last pose is.",
         default=0.5, above=0.0, tightens="down",
     )  # fmt: skip
     settled: Duration = param(
-        "How long poses must have been consistent elsewhere, nothing else being flown on, before "
-        "the vehicle counts as carried there; longer than any landing.",
+        "Time for which poses must agree on another place, without any other estimate in use, "
+        "before the vehicle counts as carried there; longer than any landing.",
         default=20.0, above=0.0,
     )  # fmt: skip
     levelling: Duration = param(
-        "Over how long the attitude is levelled by the accelerometer, where that is heard; 0 for"
-        " not at all.",
+        "Time constant of levelling the attitude by the accelerometer, if there is one; 0 to "
+        "disable it.",
         default=5.0, at_least=0.0, read_only=True,
     )  # fmt: skip
     clock_memory: Duration = param(
-        "Over how long the offset of the stamps is estimated from the gyroscope, where that is"
-        " heard; 0 for not at all.",
+        "Time constant of estimating the offset of the time stamps from the gyroscope, if there "
+        "is one; 0 to disable it.",
         default=20.0, at_least=0.0, read_only=True,
     )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""State from printed tags that the vehicle's cameras see, frame by frame, predicted to now.
+"""State from printed tags in camera images, frame by frame, predicted to now.
 
 Each frame gives the pose of the body (`kybflow.vision.locating.locator`). Tags are searched for
 where the last poses predict them, at first where the vehicle starts. The poses give the motion
@@ -57,8 +57,8 @@ START_PLACE, START_TURN = 0.05, 0.05
 @params
 class TagCameraParams(CalibrationErrors, TrackedParams):
     gate: Length = param(
-        "How far a pose may be from the predicted one, beside four times the spread and what an "
-        "unknown acceleration explains.",
+        "Allowed distance of a pose from the predicted one, in addition to four times the spread "
+        "and the effect of an unknown acceleration.",
         default=0.1, above=0.0, tightens="down",
     )  # fmt: skip
 

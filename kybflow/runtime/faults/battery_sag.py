@@ -15,7 +15,7 @@ from kybflow.parts import Effect, Fault, param, params
 @params
 class BatterySagParams:
     by: Ratio = param(
-        "Part of a full battery's charge that is missing.", default=0.3, above=0.0, at_most=1.0,
+        "Missing share of a full battery's charge.", default=0.3, above=0.0, at_most=1.0,
         read_only=True,
     )  # fmt: skip
 

@@ -17,7 +17,7 @@ from kybflow.world.cameras import Weakness
 @params
 class CameraShiftedParams:
     offset: Position = param(
-        "How far from its place it seems to be, world frame.", default=(1.0, 0.0, 0.0),
+        "Displacement of the apparent position, world frame.", default=(1.0, 0.0, 0.0),
         read_only=True,
     )  # fmt: skip
 

@@ -14,7 +14,9 @@ from kybflow.parts import Effect, Fault, param, params
 
 @params
 class CameraSwappedParams:
-    other: str = param("The vehicle whose frames it gets.", names="vehicle", read_only=True)
+    other: str = param(
+        "The vehicle whose frames the vehicle receives.", names="vehicle", read_only=True
+    )
 
 
 class CameraSwapped(Fault[CameraSwappedParams]):

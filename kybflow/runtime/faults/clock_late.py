@@ -16,7 +16,7 @@ from kybflow.parts import Effect, Fault, param, params
 @params
 class ClockLateParams:
     by: Duration = param(
-        "How late each command takes effect.", default=0.02, above=0.0, at_most=10.0,
+        "Delay of each command.", default=0.02, above=0.0, at_most=10.0,
         read_only=True,
     )  # fmt: skip
 

@@ -13,7 +13,9 @@ from kybflow.parts import Effect, Fault, param, params
 
 @params
 class EstimatorKilledParams:
-    estimator: str = param("Its name, as the mission calls it.", names="estimator", read_only=True)
+    estimator: str = param(
+        "Name of the estimator in the mission.", names="estimator", read_only=True
+    )
 
 
 class EstimatorKilled(Fault[EstimatorKilledParams]):

@@ -15,9 +15,9 @@ from kybflow.parts import Effect, Fault, param, params
 
 @params
 class GustParams:
-    velocity: Velocity = param("The air's, world frame.", read_only=True)
+    velocity: Velocity = param("Velocity of the air, world frame.", read_only=True)
     rise: Duration = param(
-        "Time until it blows fully.", default=0.2, at_least=0.0, at_most=60.0, read_only=True
+        "Time until the full velocity.", default=0.2, at_least=0.0, at_most=60.0, read_only=True
     )
 
 

@@ -17,7 +17,7 @@ from kybflow.parts import Effect, Fault, param, params
 @params
 class LinkCutParams:
     way: Literal["both", "to_vehicle", "from_vehicle"] = param(
-        "Which way is cut: what is sent to the vehicle, what comes from it, or `both`.",
+        "The direction that is cut: to the vehicle, from the vehicle, or `both`.",
         default="both", read_only=True,
     )  # fmt: skip
 

@@ -1,7 +1,7 @@
 """The vehicle's mass changes in flight, because it picks something up or drops it.
 
 The new mass is factor x the body's mass + added, at the centre of mass; the moments of inertia
-change by the same factor as the mass. The controller is not told.
+change by the same factor as the mass. The controller does not know the change.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from kybflow.parts import Effect, Fault, param, params
 @params
 class MassChangeParams:
     factor: Ratio = param(
-        "Of the mass that it has; below 100 % it is lighter.",
+        "Share of the vehicle's own mass; below 100 % the vehicle is lighter.",
         default=1.0, at_least=0.2, at_most=5.0, read_only=True,
     )  # fmt: skip
-    added: Mass = param("Mass that it carries on top.", default=0.0, at_least=0.0, read_only=True)
+    added: Mass = param("Additional mass.", default=0.0, at_least=0.0, read_only=True)
 
 
 class MassChange(Fault[MassChangeParams]):

@@ -16,7 +16,7 @@ from kybflow.parts import Effect, Fault, param, params
 @params
 class MocapDropoutParams:
     share: Ratio = param(
-        "Part of the poses that is lost.", default=1.0, above=0.0, at_most=1.0, read_only=True
+        "Share of the poses that is lost.", default=1.0, above=0.0, at_most=1.0, read_only=True
     )
 
 

@@ -1,4 +1,4 @@
-"""The frame of motion capture is not the declared one: another unit, other axes, a turned body.
+"""The frame of motion capture is not the declared one: another unit, other axes, a rotated body.
 
 A pose becomes, in this order,
 
@@ -25,16 +25,16 @@ _ORDERS = {None: (0, 1, 2), "xy": (1, 0, 2), "yz": (0, 2, 1), "xz": (2, 1, 0)}
 @params
 class MocapFrameParams:
     turned: Angle = param(
-        "Angle by which the body is defined turned to the left.", default=0.0, read_only=True
+        "Angle by which the body's definition is rotated to the left.", default=0.0, read_only=True
     )
     mirrored: Literal["x", "y", "z"] | None = param(
-        "The axis that points the other way.", default=None, read_only=True
+        "The axis that is mirrored.", default=None, read_only=True
     )
     exchanged: Literal["xy", "yz", "xz"] | None = param(
-        "The axes that are exchanged, before one is mirrored.", default=None, read_only=True
+        "The axes that are exchanged before one is mirrored.", default=None, read_only=True
     )
     factor: Number = param(
-        "What positions are multiplied by: 0.001 for metres that are read as millimetres.",
+        "Factor of all positions: 0.001 for metres that are read as millimetres.",
         default=1.0, above=0.0, read_only=True,
     )  # fmt: skip
 

@@ -1,6 +1,6 @@
-"""The positions that motion capture measures of the vehicle are off by a vector.
+"""The vehicle's positions from motion capture are displaced by a vector.
 
-This simulates an origin that is set anew, or markers that are taken for the body's. The attitude
+This simulates a new origin, or other markers that are mistaken for those of the body. The attitude
 stays correct.
 """
 

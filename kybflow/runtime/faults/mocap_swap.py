@@ -14,7 +14,7 @@ from kybflow.parts import Effect, Fault, param, params
 
 @params
 class MocapSwapParams:
-    other: str = param("The vehicle that it is taken for.", names="vehicle", read_only=True)
+    other: str = param("The vehicle with which it is confused.", names="vehicle", read_only=True)
 
 
 class MocapSwap(Fault[MocapSwapParams]):

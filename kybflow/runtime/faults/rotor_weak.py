@@ -1,7 +1,7 @@
 """One rotor gives less thrust than commanded.
 
 This simulates a chipped blade or a worn motor: the rotor's thrust, drag torque and largest thrust
-are reduced to the fraction `left`. The controller is not told.
+are reduced to the fraction `left`. The controller does not know the change.
 """
 
 from __future__ import annotations
@@ -21,7 +21,11 @@ class RotorWeakParams:
         "Which one.", default="front_left", read_only=True
     )
     left: Ratio = param(
-        "Part of its thrust that is left.", default=0.85, at_least=0.0, at_most=1.0, read_only=True
+        "Remaining share of the rotor's thrust.",
+        default=0.85,
+        at_least=0.0,
+        at_most=1.0,
+        read_only=True,
     )
 
 

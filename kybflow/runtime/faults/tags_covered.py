@@ -16,7 +16,7 @@ from kybflow.world.cameras import Weakness
 @params
 class TagsCoveredParams:
     share: Ratio = param(
-        "How many of the tags, on top of those that the camera says.",
+        "Share of the tags that is covered, in addition to the camera's own.",
         default=0.5, above=0.0, at_most=1.0, read_only=True,
     )  # fmt: skip
 

@@ -114,7 +114,7 @@ class _Input:
 
     def __init__(self, plan: InputPlan, link: InputLink, events: Events, note: NoteInput) -> None:
         self.plan = plan
-        self.trouble: InputTrouble | None = InputTrouble("nothing has been heard of it yet")
+        self.trouble: InputTrouble | None = InputTrouble("it has not sent anything yet")
         self._link, self._events, self._note = link, events, note
         self._noted: tuple[Mapping[str, float] | None, frozenset[str]] | None = None
         self._held = _NOTHING
@@ -183,7 +183,7 @@ class _Input:
     def _doubt(self, reading: InputReading | None, now: Time) -> InputTrouble | None:
         """Return why the reading is missing or implausible, or None if it is good."""
         if reading is None:
-            return self.trouble or InputTrouble("nothing has been heard of it yet")
+            return self.trouble or InputTrouble("it has not sent anything yet")
         for axis, value in reading.axes.items():
             if not (isfinite(value) and abs(value) <= 1.0):
                 return InputTrouble(f"its axis `{axis}` is {value:g}", value)

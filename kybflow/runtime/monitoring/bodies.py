@@ -12,7 +12,7 @@ seconds before, or of the position that the other body has just left; or the bod
 than `MEMORY_S` at the position of another vehicle's estimate. Its poses are then withheld
 until it jumps again or is lost.
 
-A repeated pose is no measurement. In the air even the first repetition is withheld, so that the
+A repeated pose is not a measurement. In the air even the first repetition is withheld, so that the
 estimate ages from the time when the body froze, not from the report. On the ground repetitions are
 withheld only if the poses have wavered before or the body was reported as frozen. All other poses
 are passed on: the estimators decide whether the vehicle can be there (`kybflow.flight.pose_gate`).
@@ -271,7 +271,7 @@ def _is_sound(pose: Pose) -> bool:
 
 
 class BodyMonitor:
-    """Emits the findings on one vehicle's body and withholds poses that are no measurements. Poses
+    """Emits the findings on one vehicle's body and withholds repeated poses. Poses
     that no estimator uses are judged too, but the body is then never reported as lost.
 
     bodies: judges the bodies of the whole fleet.

@@ -96,7 +96,7 @@ class Sensing:
         try:
             note(found, now)
         except Exception as error:  # it gave something other than measurements
-            self._fail(sensor, f"what it gives can't be taken: {described(error)}")
+            self._fail(sensor, f"its measurement can't be used: {described(error)}")
             return ()
         if found:
             self._worked.add(name)
@@ -178,7 +178,7 @@ class Admission:
             known = ", ".join(f"`{name}`" for name in self._cameras) or "none"
             return camera, f"of the camera `{camera}`; the vehicle has {known}"
         if len(shape) != 2 or 0 in shape:
-            return "image", f"with an image of `{camera}` that is no grey one"
+            return "image", f"with an image of `{camera}` that is not a grey image"
         return None
 
     def _refuse(self, kind: MeasurementKind, wrong: tuple[str, str], source: str, at: str) -> None:

@@ -1,4 +1,4 @@
-"""Keep away from obstacles and from other vehicles, and go round what is in the way.
+"""Keep away from obstacles and other vehicles, and fly around them.
 
 A control-barrier filter (Wang, Ames, Egerstedt: Safety Barrier Certificates for Collisions-Free
 Multirobot Systems, T-RO 2017) changes the acceleration of the setpoint as little as keeps `keep`
@@ -36,17 +36,19 @@ _CLOSER_SHARE = 0.5
 @params
 class AvoidObstaclesParams:
     keep: Length = param(
-        "Kept between the rotors' tips and anything else.", default=0.2, above=0.0, room="across"
+        "Distance between the rotor tips and anything else.", default=0.2, above=0.0, room="across"
     )
     treat_as_obstacles: tuple[str, ...] | None = param(
-        "The vehicles that it keeps away from; all others without it.",
+        "The vehicles to keep away from; by default all others.",
         default=None,
         names="vehicle",
     )
     braking: Acceleration = param(
-        "Deceleration with which it plans to stop.", default=1.0, at_least=0.2, at_most=2.0
+        "Deceleration of planned stops.", default=1.0, at_least=0.2, at_most=2.0
     )
-    speed: Speed = param("Largest speed with which it catches up.", default=0.8, above=0.0)
+    speed: Speed = param(
+        "Largest speed of catching up with the original setpoint.", default=0.8, above=0.0
+    )
 
 
 class AvoidObstacles(Processor[AvoidObstaclesParams]):
@@ -63,7 +65,7 @@ class AvoidObstacles(Processor[AvoidObstaclesParams]):
         cls, params: AvoidObstaclesParams, context: VehicleContext
     ) -> Iterator[Objection]:
         if params.keep < _USUAL_DEVIATION:
-            reason = "is less than a vehicle strays from its setpoint"
+            reason = "is less than the usual tracking error"
             yield Objection("keep", reason, f"keep {_USUAL_DEVIATION:g} m or more", is_doubt=True)
 
     def __init__(self, params: AvoidObstaclesParams, context: VehicleContext) -> None:

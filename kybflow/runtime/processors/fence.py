@@ -145,7 +145,8 @@ def _shrunk(fence: Box, margin: float) -> Box:
 
 def _inside(asked: Motion, room: Box) -> Motion:
     """Return the motion, its position moved to the nearest point in `room`; on an axis on which it
-    was outside, it is at rest unless it moves inwards. The same object if it was inside."""
+    was outside, it is at rest unless it moves inwards. If it was inside, the returned object is the
+    argument."""
     if room.contains(asked.position):
         return asked
     position, velocity = list(asked.position), list(asked.velocity)

@@ -1,8 +1,8 @@
-"""Keep the acceleration of the setpoint under a limit; follow behind where it asks for more.
+"""Keep the acceleration of the setpoint under a limit; lag behind it at higher accelerations.
 
 A trajectory within the limit passes unchanged, bit for bit. The limit applies to the acceleration
-of the setpoint, and to the one that follows from its velocity and position in two successive ticks:
-with |a| <= A,
+in the setpoint, and to that computed from its velocity and position in two successive ticks: with
+|a| <= A,
 
     |v - u| <= A dt,    |p - q - (u + v) dt / 2| <= A dt^2 / 4
 

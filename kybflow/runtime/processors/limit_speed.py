@@ -1,4 +1,4 @@
-"""Keep the speed of the setpoint under a limit; follow behind where it asks for more.
+"""Keep the speed of the setpoint under a limit; lag behind it at higher speeds.
 
 A trajectory within the limit passes unchanged, bit for bit. One that accelerates towards the limit
 is bent shortly before, and may exceed it by 2 % while its acceleration ends. One that is faster, or
@@ -30,7 +30,7 @@ _VELOCITY = SetpointKind.VELOCITY
 class LimitSpeedParams:
     speed: Speed = param("Largest speed of the setpoint.", default=1.0, above=0.0)
     catch_up: Acceleration = param(
-        "Largest acceleration of the setpoint while it follows behind.", default=2.0, above=0.0
+        "Largest acceleration of the setpoint while it catches up.", default=2.0, above=0.0
     )
 
 

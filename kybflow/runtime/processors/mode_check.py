@@ -1,11 +1,11 @@
-"""Refuse setpoints of kinds that a mission does not mean to fly.
+"""Refuse kinds of setpoint that the mission doesn't allow.
 
 TeleKyb's XMModeCheck, with its defaults: setpoints of position and of velocity pass, setpoints of
-acceleration are refused, because nothing limits where they take the vehicle. A mission whose
-behaviors or earlier processors give a refused kind does not compile (KYB301). That includes the
-built-in behaviors: `brake` and `hover` need positions. If a refused kind still arrives in flight,
-after an option was changed, an alarm requests the failsafe to brake. (TeleKyb also refused mixed
-modes; here a setpoint has only one kind.) The setpoint itself passes unchanged.
+acceleration are refused, because nothing limits the resulting position. A mission whose behaviors
+or earlier processors give a refused kind does not compile (KYB301). That includes the built-in
+behaviors: `brake` and `hover` need positions. If a refused kind still arrives in flight, after an
+option was changed, an alarm requests the failsafe to brake. (TeleKyb also refused mixed modes; here
+a setpoint has only one kind.) The setpoint itself passes unchanged.
 """
 
 from __future__ import annotations
@@ -18,11 +18,9 @@ from kybflow.parts import Processor, param, params
 
 @params
 class ModeCheckParams:
-    position: bool = param("Let setpoints of position pass.", default=True, tightens="down")
-    velocity: bool = param("Let setpoints of velocity pass.", default=True, tightens="down")
-    acceleration: bool = param(
-        "Let setpoints of acceleration pass.", default=False, tightens="down"
-    )
+    position: bool = param("Pass position setpoints.", default=True, tightens="down")
+    velocity: bool = param("Pass velocity setpoints.", default=True, tightens="down")
+    acceleration: bool = param("Pass acceleration setpoints.", default=False, tightens="down")
 
     def lets_pass(self, kind: SetpointKind) -> bool:
         if kind is SetpointKind.POSITION:

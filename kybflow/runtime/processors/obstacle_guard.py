@@ -1,4 +1,4 @@
-"""Stop before the world's obstacles, whatever the behavior wants.
+"""Stop before the world's obstacles, whatever the behavior requests.
 
 Every vehicle has it unless its mission lists its own processors (`library/defaults.yaml`). The
 setpoint brakes with `braking`, so that the rotors stay `keep` away from each obstacle: if it heads
@@ -27,14 +27,14 @@ from kybflow.world.vehicle_context import Airframe, VehicleContext
 @params
 class ObstacleGuardParams:
     keep: Length = param(
-        "Kept between the rotors and obstacles.",
+        "Distance between the rotor tips and obstacles.",
         default=0.1, at_least=0.0, tightens="up", room="across",
     )  # fmt: skip
     braking: Acceleration = param(
-        "Deceleration with which it plans to stop.", default=2.0, at_least=0.2, at_most=2.0
+        "Deceleration of planned stops.", default=2.0, at_least=0.2, at_most=2.0
     )
     speed: Speed = param(
-        "Largest speed with which it catches up with what it kept from.", default=1.0, above=0.0
+        "Largest speed of catching up with the original setpoint.", default=1.0, above=0.0
     )
 
 

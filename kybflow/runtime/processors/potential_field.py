@@ -82,25 +82,29 @@ def push(hazards: Iterable[Hazard], potential: Potential) -> Vec3:
 
 @params
 class PotentialFieldParams:
-    level: Length = param("Semi-axis of the ellipsoid round it, level.", default=0.4, above=0.0)
-    above: Length = param("Semi-axis of that, upward.", default=0.15, above=0.0)
+    level: Length = param(
+        "Horizontal semi-axis of the ellipsoid around the vehicle.", default=0.4, above=0.0
+    )
+    above: Length = param("Vertical semi-axis of the ellipsoid.", default=0.15, above=0.0)
     nearest: Length = param(
         "Distance from the ellipsoid at which the repulsion is largest.",
         default=0.2, at_least=0.0, room="across",
     )  # fmt: skip
     farthest: Length = param(
-        "Distance from which nothing repels.", default=0.5, above=0.0, room="across"
+        "Distance beyond which there is no repulsion.", default=0.5, above=0.0, room="across"
     )
     gain: Number = param("Gain of the potential.", default=100.0, above=0.0)
     saturation: Speed = param("Largest repulsion.", default=4.0, above=0.0)
     treat_as_obstacles: tuple[str, ...] | None = param(
-        "The vehicles that it keeps away from; all others without it.",
+        "The vehicles to keep away from; by default all others.",
         default=None,
         names="vehicle",
     )
-    speed: Speed = param("Largest repulsion of a setpoint of velocity.", default=0.5, above=0.0)
+    speed: Speed = param("Largest change of a velocity setpoint.", default=0.5, above=0.0)
     velocity: Speed = param("Largest speed of a shifted position.", default=1.0, above=0.0)
-    acceleration: Acceleration = param("Largest acceleration of that.", default=2.0, above=0.0)
+    acceleration: Acceleration = param(
+        "Largest acceleration of a shifted position.", default=2.0, above=0.0
+    )
 
 
 class PotentialField(Processor[PotentialFieldParams]):
@@ -114,7 +118,7 @@ class PotentialField(Processor[PotentialFieldParams]):
         cls, params: PotentialFieldParams, context: VehicleContext
     ) -> Iterator[Objection]:
         if params.farthest <= params.nearest:
-            reason = f"not beyond `nearest`, {params.nearest:g} m: nothing is repelled before it"
+            reason = f"must be greater than `nearest`, {params.nearest:g} m"
             yield Objection("farthest", reason, "write `farthest: 50 cm`")
 
     def __init__(self, params: PotentialFieldParams, context: VehicleContext) -> None:

@@ -1,4 +1,4 @@
-"""Take the steps out of setpoints: what jumps becomes a smooth way that ends where it jumped to.
+"""Smooth the steps of setpoints: a jump becomes a smooth path to its end.
 
 A setpoint without a step passes unchanged, bit for bit, without any lag. A step relative to the
 extrapolation of the last setpoint, in position, velocity or acceleration, is stored as an error
@@ -31,7 +31,7 @@ from kybflow.world.vehicle_context import VehicleContext
 _SETTLING_PRODUCT = 7.5
 """k t at which (1 + k t + (k t)^2 / 2) exp(-k t) is 2 %."""
 _GAP_TICKS = 1.5
-"""Ticks without a call after which the smoothing starts anew from the setpoint that the tracker
+"""Ticks without a call after which the smoothing restarts from the setpoint that the tracker
 follows."""
 
 
@@ -85,7 +85,7 @@ _NEGLIGIBLE_SHARE = 0.01
 @params
 class SmoothParams:
     settle: Duration = param(
-        "Time in which a step has died out to 2 %.", default=2.0, at_least=0.2, at_most=20.0
+        "Time in which a step decays to 2 %.", default=2.0, at_least=0.2, at_most=20.0
     )
 
 

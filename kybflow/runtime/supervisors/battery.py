@@ -1,4 +1,4 @@
-"""Report a battery that runs low, a warning first, then a landing; and one that reports no more.
+"""Report a battery that runs low, first with a warning, then with a landing, or stops reporting.
 
 Alarm `battery_low` with WARN below `warn_below`, and in the air with `reaction` (a landing by
 default) below `land_below`; on the ground there is only the warning. Each stays until the charge is
@@ -33,7 +33,11 @@ collapses."""
 @params
 class BatterySupervisorParams:
     warn_below: Ratio = param(
-        "Charge below which it warns.", default=_WARNING, at_least=0.0, at_most=1.0, tightens="up"
+        "Charge below which a warning is raised.",
+        default=_WARNING,
+        at_least=0.0,
+        at_most=1.0,
+        tightens="up",
     )
     land_below: Ratio = param(
         "Charge below which the vehicle lands.",
@@ -43,7 +47,7 @@ class BatterySupervisorParams:
         tightens="up",
     )
     age: Duration = param(
-        "Age of the newest report above which it warns.",
+        "Age of the newest report above which a warning is raised.",
         default=5.0,
         above=0.0,
         tightens="down",
@@ -64,13 +68,13 @@ class BatterySupervisor(Supervisor[BatterySupervisorParams]):
     ) -> Iterator[Objection]:
         p = params
         if p.land_below >= _USUAL_CHARGE:
-            reason = "alarms at once: no battery that flies stays as full"
+            reason = "alarms at once: no battery stays that full in flight"
             yield Objection("land_below", reason, "write `land_below: 15 %`", p.reaction == "warn")
         if p.land_below < _COLLAPSE_CHARGE:
-            reason = f"alarms below {p.land_below:.0%}, where a battery carries nothing any more"
+            reason = f"alarms below {p.land_below:.0%}, where a battery no longer holds the vehicle"
             yield Objection("land_below", reason, "write `land_below: 15 %`", is_doubt=True)
         if p.warn_below < p.land_below and p.warn_below != _WARNING:
-            reason = f"warns when it lands already, below {p.land_below:.0%}"
+            reason = f"warns only when the vehicle already lands, below {p.land_below:.0%}"
             hint = "write a `warn_below` above `land_below`"
             yield Objection("warn_below", reason, hint, is_doubt=True)
 

@@ -4,9 +4,9 @@ Alarm `fence_breached` while the estimate is more than `margin` beyond a face of
 raised, the alarm stays until the vehicle is back inside by 5 cm, so that it does not flutter. The
 floor is the fence's floor or the ground at the start, whichever is lower, because take-off and
 landing cross the fence's. The floor is not checked while the vehicle is commanded to descend, by a
-setpoint below the floor or a sinking one without a position, or while somebody else controls it:
-the ground may be lower where it touches down, and the alarm would only request a landing. Nothing
-is reported on the ground, without an estimate, or without a fence in the mission.
+setpoint below the floor or a sinking one without a position, or while a pilot or another program
+controls it: the ground may be lower where it touches down, and the alarm would only request a
+landing. Nothing is reported on the ground, without an estimate, or without a fence in the mission.
 
 The default reaction is to land: the processor of the same name keeps the setpoint inside, so a
 vehicle that is outside does not follow its setpoint, and would not hold a position either. An alarm
@@ -29,7 +29,7 @@ _BACK_INSIDE = 0.05
 @params
 class FenceSupervisorParams:
     margin: Length = param(
-        "How far beyond the fence the vehicle may be.", default=0.1, at_least=0.0, tightens="down"
+        "Largest distance beyond the fence.", default=0.1, at_least=0.0, tightens="down"
     )
     reaction: ReactionName = param("What the failsafe does.", default="land", tightens="up")
 

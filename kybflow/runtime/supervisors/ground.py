@@ -1,4 +1,4 @@
-"""Report a vehicle that lies on the ground while it should fly.
+"""Report a vehicle that is on the ground while it should fly.
 
 Alarm `ground_touched` when all of this has been true for half a second: the vehicle has flown (more
 than 15 cm above where it last stood); it is within 5 cm of that height, or below it; it climbs or
@@ -31,7 +31,7 @@ _CONTACT_TIME_NS = NS // 2
 @params
 class GroundParams:
     gap: Length = param(
-        "How far its setpoint is above or below a vehicle that doesn't follow.",
+        "Height difference between the setpoint and a vehicle that doesn't follow it.",
         default=0.1, above=0.0, tightens="down",
     )  # fmt: skip
     reaction: ReactionName = param("What the failsafe does.", default="land", tightens="up")
@@ -74,12 +74,12 @@ class Ground(Supervisor[GroundParams]):
         if tick.now - self._since < _CONTACT_TIME_NS:
             return None
         reaction = Reaction[self.params.reaction.upper()]
-        reason = "it lies on the ground, but should fly"
+        reason = "it is on the ground, but should fly"
         return Alarm("ground_touched", reaction, reason, is_failure=True)
 
     def _leaves(self, setpoint: Setpoint | None, estimate: Estimate) -> bool:
-        """Return whether a vehicle that has flown should be elsewhere: its setpoint is too far
-        above or below, climbs, or lies on the ground itself, and is not that of a landing."""
+        """Return whether a vehicle that has flown should not be on the ground: its setpoint is too
+        far above or below it, climbs, or is at ground level without a landing."""
         if setpoint is None or not self._has_flown:
             return False
         climb = 0.0 if setpoint.velocity is None else setpoint.velocity[2]

@@ -6,8 +6,8 @@ its `age` has increased), its position is compared with the extrapolation of the
 `factor` times its running average over about 20 checks, and more than `at_least` + a t^2 / 2, the
 second part of which a change of motion can explain (a = 5 m/s^2, as in `kybflow.flight.pose_gate`).
 This is the flying courier's check of position differences, made independent of the vehicle's own
-motion, so that a gap in the measurements is no jump. The alarm lasts 1 s. After a change of the
-estimator the check starts anew. World frame, metres.
+motion, so that a gap in the measurements is not a jump. The alarm lasts 1 s. After a change of the
+estimator the check restarts. World frame, metres.
 
 The default reaction is `land_blind`, because it is unknown which of the two positions is wrong.
 """
@@ -37,7 +37,7 @@ class JumpParams:
         "Largest multiple of the average step.", default=4.0, above=1.0, tightens="down"
     )
     at_least: Length = param(
-        "Step below which nothing is a jump.", default=0.1, above=0.0, tightens="down"
+        "Step below which a jump is ignored.", default=0.1, above=0.0, tightens="down"
     )
     reaction: ReactionName = param("What the failsafe does.", default="land_blind", tightens="up")
 
@@ -51,13 +51,13 @@ class Jump(Supervisor[JumpParams]):
     def objections(cls, params: JumpParams, context: VehicleContext) -> Iterator[Objection]:
         p = params
         if p.at_least < _NOISE:
-            reason = "takes the noise of motion capture for a jump"
+            reason = "mistakes the noise of motion capture for a jump"
             yield Objection("at_least", reason, "write `at_least: 10 cm`", is_doubt=True)
         if context.fence is not None and p.at_least > max(context.fence.size):
             reason = "never alarms: the fence is smaller"
             yield Objection("at_least", reason, "write `at_least: 10 cm`", is_doubt=True)
         if p.factor > _MAX_FACTOR:
-            reason = f"alarms at {p.factor:g} times the average step only"
+            reason = f"alarms at {p.factor:g} times the average step"
             yield Objection("factor", reason, "write `factor: 4`", is_doubt=True)
 
     def __init__(self, params: JumpParams, context: VehicleContext) -> None:

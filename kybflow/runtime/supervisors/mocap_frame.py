@@ -1,12 +1,11 @@
-"""Report poses whose frame is not the one that the mission declares.
+"""Report poses in another frame than the declared one.
 
-Alarm `mocap_frame_wrong` in the air when the motion that motion capture shows is not the motion
-that the IMU feels (`kybflow.flight.frame_check`): the stream's units or axes are others than
-declared, or the body is defined turned. It is checked from the take-off on, within tenths of a
-second of a motion that shows it: what is wrong along the vertical shows when the vehicle lifts off,
-what is wrong across it when the vehicle moves sideways. The alarm then lasts for as long as the
-vehicle flies. Without an IMU that gives 22 samples a second or more, nothing is judged; the
-preflight says so.
+Alarm `mocap_frame_wrong` in the air when the motion by motion capture differs from that by the IMU
+(`kybflow.flight.frame_check`): the stream's units or axes are not as declared, or the body's
+definition is rotated. It is checked from the take-off on, within tenths of a second of a motion
+that shows it: vertical errors show when the vehicle lifts off, horizontal ones when it moves
+sideways. The alarm then lasts for as long as the vehicle flies. Without an IMU that gives 22
+samples a second or more, nothing is checked; the preflight says so.
 
 The default reaction is `land_blind`: the IMU is right, and every position is wrong.
 """

@@ -5,11 +5,11 @@ less than a bound. The bound is half of both diameters plus `margin`, or `distan
 plus the distance in which the two come to rest, c (0.15 s + 15/16 c / (2 m/s^2)), where c is the
 speed at which they approach each other. Once raised, the alarm stays until they are 5 cm further
 apart. A vehicle without an estimate is ignored. As no vehicles approach each other faster than 20
-m/s, a vehicle is checked again when the gap could be gone, after 0.1 s at the latest; one that is
-more than 5 m away, when it could be nearer. World frame, metres.
+m/s, a vehicle is checked again when the gap could have closed, after 0.1 s at the latest; one that
+is more than 5 m away, when it could be nearer. World frame, metres.
 
 The default reaction is `brake`: both vehicles raise the alarm and hold, and each continues when the
-other is gone. If neither leaves, they land after the mission's `hover_limit`, each where no other
+other has left. If neither leaves, they land after the mission's `hover_limit`, each where no other
 is below it.
 """
 
@@ -36,10 +36,13 @@ m/s^2."""
 @params
 class ProximityParams:
     margin: Length = param(
-        "Distance between two airframes that is left.", default=0.05, at_least=0.0, tightens="up"
+        "Distance that must remain between two airframes.",
+        default=0.05,
+        at_least=0.0,
+        tightens="up",
     )
     distance: Length = param(
-        "Distance between two centres that is kept at least, whatever the vehicles' sizes.",
+        "Smallest distance between two centres, whatever the vehicles' sizes.",
         default=0.0, at_least=0.0, tightens="up",
     )  # fmt: skip
     reaction: ReactionName = param("What the failsafe does.", default="brake", tightens="up")

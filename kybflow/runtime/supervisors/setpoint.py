@@ -28,7 +28,7 @@ _USUAL_DEVIATION = 0.02
 
 @params
 class SetpointSupervisorParams:
-    step: Length = param("Largest step between two looks.", default=0.5, above=0.0, tightens="down")
+    step: Length = param("Largest step between two ticks.", default=0.5, above=0.0, tightens="down")
     distance: Length = param(
         "Largest distance from the vehicle.", default=1.0, above=0.0, tightens="down"
     )
@@ -82,7 +82,7 @@ class SetpointSupervisor(Supervisor[SetpointSupervisorParams]):
             return self._jumped
         if away > p.distance:
             bound = p.distance
-            reason = f"its setpoint is away by {away:.2f} m, {bound:g} m allowed"
+            reason = f"its setpoint is at a distance of {away:.2f} m, {bound:g} m allowed"
             return Alarm("setpoint_left", self._reaction, reason, away, bound)
         return None
 

@@ -1,4 +1,4 @@
-"""Report a vehicle that turns about its vertical faster than it is asked to.
+"""Report a vehicle that turns about its vertical axis faster than commanded.
 
 It raises the alarm `spinning` if, in the air, the turn rate about body z minus the setpoint's
 heading rate, averaged over the last quarter of a second, exceeds `limit`. The alarm then lasts for

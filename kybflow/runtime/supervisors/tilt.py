@@ -2,10 +2,10 @@
 
 Alarm `tilted` in the air while the angle between body z and world z is more than `limit`; once
 raised it stays until the angle is 5 deg smaller. Trackers stay under the airframe's own limit,
-which is far below this one. Without an estimate, or while its newest measurement is older than
-0.1 s, there is nothing to judge: how the vehicle has turned since then is unknown. Radians.
+which is far below this one. Without an estimate, or while its newest measurement is older than 0.1
+s, nothing is reported, because the present attitude is unknown. Radians.
 
-The default reaction is `land_blind`, which asks for a level attitude and nothing else.
+The default reaction is `land_blind`, which commands a level attitude and nothing else.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ class BodyRatesParams(GeometricParams):
     turn: Damping = param(
         "Body rate per angle of the attitude's error, heading.", default=2.5, above=0
     )
-    fastest: AngularRate = param("The most that it asks for.", default=4.0, above=0)
+    fastest: AngularRate = param("Largest commanded body rate.", default=4.0, above=0)
 
 
 class BodyRates(Tracker[BodyRatesParams]):

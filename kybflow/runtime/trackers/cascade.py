@@ -1,11 +1,11 @@
 """Position control: setpoint and estimate to attitude and thrust, for an on-board attitude loop.
 
-The law of TeleKyb's standard tracker, per axis, with its gains:
-a = a_des + D (v_des - v) + P (p_des - p) + I integral(p_des - p) + drag v_des, where the last two
-are horizontal: drag v_des compensates the rotors' drag. Vertically the estimated mass takes the
-place of an integral, which would wind up against it. A VELOCITY setpoint has no P term, an
-ACCELERATION setpoint only the term a_des. The integral is kept when the kind of setpoint changes,
-because the disturbance that it compensates continues.
+The law of TeleKyb's standard tracker, per axis, with its gains: a = a_des + D (v_des - v) + P
+(p_des - p) + I integral(p_des - p) + drag v_des, where the last two are horizontal: drag v_des
+compensates the rotors' drag. Vertically the estimated mass replaces an integral, which would wind
+up against it. A VELOCITY setpoint has no P term, an ACCELERATION setpoint only the term a_des. The
+integral is kept when the kind of setpoint changes, because the disturbance that it compensates
+continues.
 
 With `position_gain` P is a matrix K, so that the axes differ, or are coupled:
 
@@ -17,7 +17,7 @@ that it pulls back along every direction. D and I stay the same along each.
 Attitude and thrust give the specific force a + g (`kybflow.flight.steering`: limits, mass, the
 on-board attitude's error). The jerk turns it at the rate z x jerk / |a + g|, fed forward as body
 rates (Mellinger and Kumar, ICRA 2011, eq. 11). While tilt or thrust is limited, on the ground, and
-in steps longer than 40 ms, the integral stands still.
+in steps longer than 40 ms, the integral is frozen.
 """
 
 from __future__ import annotations

@@ -38,9 +38,9 @@ A lap of 4 s needs the airframes' whole tilt. With the gains of this one `cascad
 (0.13, 0.27 cm at 10 s), but shakes: 0.39, 1.28 cm/s.
 
 With `observer` the disturbance is estimated from the accelerometer and subtracted from f
-(`kybflow.flight.force_estimates`). The eight with a lap of 10 s in the simulator's lab, a mass
-believed of 80 and of 120 %, mean and largest position error in mm, without it over seeds 0 to 9 and
-with it over seeds 0 to 19; the largest of any flight in brackets:
+(`kybflow.flight.force_estimates`). The figure eight with a lap of 10 s in the simulator's lab, an
+assumed mass of 80 and of 120 %, mean and largest position error in mm, without it over seeds 0 to 9
+and with it over seeds 0 to 19; the largest of any flight in brackets:
 
     airframe   without                     2 Hz
     mk_quadro  10.3 (12.5), 24.2 (31.7)    4.8 (6.2), 15.7 (21.9)

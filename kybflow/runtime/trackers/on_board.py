@@ -1,4 +1,4 @@
-"""The vehicle's own controllers follow the setpoint: an autopilot flies, as it was tuned.
+"""The vehicle's own controllers follow the setpoint: an autopilot flies with its own tuning.
 
 `by` selects the kind of setpoint that the on-board controller receives, in the world frame.
 `position`: each setpoint unchanged, with its velocity and acceleration to feed forward. `velocity`:
@@ -14,8 +14,8 @@ the law of `cascade` with gains for a vehicle that responds later,
 
 where D is `damping`, K `stiffness`, and drag acts horizontally; a VELOCITY setpoint has no K term,
 and leaves the integral as it is. The integral acts along all three axes, 1.5 times as fast along z,
-because the mass is not estimated here; it stands still on the ground, at a limit and in steps
-longer than 40 ms. An autopilot that integrates accelerations to a height and holds that height
+because the mass is not estimated here; it is frozen on the ground, at a limit and in steps longer
+than 40 ms. An autopilot that integrates accelerations to a height and holds that height
 (`keeps_height`) needs no integral along z, and responds too late for a fast loop: D is then halved
 and K divided by four along z. The on-board attitude lags the command and has the error of its own
 filter. In the air, `tilt` times the horizontal acceleration that the estimated attitude lacks is
@@ -79,37 +79,38 @@ _GIVEN: dict[By, frozenset[CommandKind]] = {
 
 @params
 class OnBoardParams:
-    by: By = param("What the on-board controller is handed.", default="position", read_only=True)
+    by: By = param(
+        "Kind of setpoint that the on-board controller gets.", default="position", read_only=True
+    )
     proportional: Damping = param(
-        "Velocity per metre of position error, by velocity.", default=1.2, above=0
+        "Velocity per metre of position error, with `by: velocity`.", default=1.2, above=0
     )
-    correction: Speed = param(
-        "The most that a position error adds to the velocity.", default=0.5, above=0
-    )
+    correction: Speed = param("Largest velocity that a position error adds.", default=0.5, above=0)
     stiffness: Number = param(
-        "Acceleration per metre of position error, by acceleration.", default=4.0, above=0
+        "Acceleration per metre of position error, with `by: acceleration`.", default=4.0, above=0
     )
     damping: Number = param(
-        "Acceleration per m/s of velocity error, by acceleration.", default=3.5, above=0
+        "Acceleration per m/s of velocity error, with `by: acceleration`.", default=3.5, above=0
     )
     integral: Number = param(
-        "Acceleration per metre and second of position error, by acceleration.",
+        "Acceleration per metre and second of position error, with `by: acceleration`.",
         default=2.0, at_least=0,
     )  # fmt: skip
     integral_limit: Acceleration = param(
         "Limit of the integral term along each axis.", default=2.5, at_least=0
     )
     tilt: Number = param(
-        "How much of what the tilt lacks of an acceleration is asked for besides, by acceleration.",
+        "Share of the acceleration that the tilt still lacks which is requested in addition, "
+        "with `by: acceleration`.",
         default=0.5, at_least=0,
     )  # fmt: skip
     keeps_height: bool = param(
-        "Whether the on-board controller keeps to the height that it sums up from accelerations,"
-        " instead of turning them into thrust.",
+        "Whether the on-board controller integrates accelerations to a height that it holds, "
+        "instead of converting them to thrust.",
         default=False, read_only=True,
     )  # fmt: skip
     lift_off: Length = param(
-        "Height above the ground from which it flies.", default=0.05, at_least=0
+        "Height above the ground from which the vehicle counts as flying.", default=0.05, at_least=0
     )
 
 

@@ -6,8 +6,8 @@ The commanded horizontal acceleration, with e = p_des - p, world frame, is
 
 and the tilt is that of the direction (a, g). The jerk leads by t, the delay of the loop on board
 and of the way there. P, D and I follow from that loop where they are not given, as those of
-`geometric` do (`kybflow.flight.loops.position_loop`); the integral stands still on the ground, at
-its limit and where the tilt is limited. Vertically and about the vertical
+`geometric` do (`kybflow.flight.loops.position_loop`); the integral is frozen on the ground, at its
+limit and while the tilt is limited. Vertically and about the vertical
 
     climb = v_des + T a_des + `height` e,    turn = heading rate + `heading` (heading_des - heading)
 
@@ -39,11 +39,11 @@ class TiltClimbParams(DesignedGains):
     heading: Damping = param("Heading rate per radian of heading error.", default=1.5, above=0)
     turn_rate: AngularRate = param("Largest heading rate.", default=60.0 * DEG, above=0)
     tilt: Angle | None = param(
-        "Largest tilt; the airframe's own by default, and never more.",
+        "Largest tilt; at most, and by default, that of the airframe.",
         default=None, above=0, below=1.3,
     )  # fmt: skip
     lift_off: Length = param(
-        "Height above the ground from which it flies.", default=0.05, at_least=0
+        "Height above the ground from which the vehicle counts as flying.", default=0.05, at_least=0
     )
 
 

@@ -8,9 +8,9 @@ It takes setpoints of velocity, and of position through a proportional law, worl
 
 The position error moves the wanted velocity by no more than `correction`, so that a vehicle far
 from its setpoint comes back at a bounded speed; `cascade`, whose position error acts on the
-acceleration, comes back as fast as the tilt lets it. The integral is horizontal and takes what
-holds the velocity off, such as wind; it is kept when the kind of setpoint changes. Vertically the
-estimated mass does its work. TeleKyb's standard tracker has 7.5 for D in its velocity mode.
+acceleration, comes back as fast as the tilt lets it. The integral is horizontal and compensates
+velocity errors, such as those from wind; it is kept when the kind of setpoint changes. Vertically
+the estimated mass replaces it. TeleKyb's standard tracker has 7.5 for D in its velocity mode.
 
 Attitude, thrust and limits: `kybflow.flight.steering`. The jerk is fed forward as body rates,
 z x jerk / |a + g|.
@@ -32,9 +32,7 @@ from kybflow.world.vehicle_context import Airframe, InnerLoop, VehicleContext
 @params
 class VelocityParams(SteeringParams):
     proportional: Damping = param("Velocity per metre of position error.", default=1.2, above=0)
-    correction: Speed = param(
-        "The most that a position error adds to the velocity.", default=0.5, above=0
-    )
+    correction: Speed = param("Largest velocity that a position error adds.", default=0.5, above=0)
     derivative: Number = param("Acceleration per m/s of velocity error.", default=7.5, above=0)
     integral: Number = param(
         "Acceleration per metre of integrated velocity error.", default=4.5, at_least=0

@@ -309,7 +309,7 @@ class BehaviorRunner:
                 assert self._touch_down is not None
                 if self._touch_down.refused_for(now) < FALL_DETECTION_NS:
                     return False  # if it is in the air it falls, which `ArmingWatch` detects
-                self._score.failure(f"its rotors rest, and {reason}")
+                self._score.failure(f"its rotors are off, and {reason}")
             self.land_mode = None
             self._end(estimate)
         return landed
@@ -345,7 +345,7 @@ class BehaviorRunner:
             refused = LandingRefused(behavior=self.machine.state, reason=reason)
             self._events.emit(refused, self._name, self.state.at)
         elif refused_for > MAX_REFUSAL_NS and self.behavior.needs_estimate:
-            self.fail(f"it has landed, it says, but {reason}")
+            self.fail(f"it reports a landing, but {reason}")
         return reason
 
     def _going_on(self, estimate: Estimate | None) -> Setpoint | Command:
@@ -490,14 +490,14 @@ class BehaviorRunner:
         if away <= allowed_distance(estimate):
             return None
         allowed = said_distance(estimate)
-        return f"the estimate is {away:.2f} m from where it stood ({allowed})"
+        return f"the estimate is {away:.2f} m from where the vehicle stood ({allowed})"
 
     def _doubted(self, state: StatePlan, entry: Entry) -> str | None:
         """Return why a supervisor would end the flight right after a take-off, or None."""
         if entry.estimate is None or not self._leaves_ground(state):
             return None
         found = self.foreseen(self._ticks.fleet)
-        return f"`{found[0][0]}` would not let it fly: {found[0][1]}" if found else None
+        return f"`{found[0][0]}` prevents the take-off: {found[0][1]}" if found else None
 
     def foreseen(self, fleet: dict[str, Estimate | None]) -> list[Foreseen]:
         """Return (supervisor, reason, mission line) of each alarm that would end the mission at

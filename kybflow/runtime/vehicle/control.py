@@ -1,7 +1,7 @@
 """Turns a behavior's output into a command: setpoint ─► processors ─► tracker ─► command.
 
-Processors and tracker are constructed anew for each take-off, so that they keep no state from the
-previous flight.
+New processors and a new tracker are constructed for each take-off, so that they keep no state from
+the previous flight.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Clamps:
         if off < least:
             return None
         name = self._names[label]
-        words = f"`{name}` keeps the setpoint {format_measured(off, unit)} off what is wanted"
+        words = f"`{name}` keeps the setpoint {format_measured(off, unit)} from the requested one"
         clamp = self.active.get(label)
         if clamp is None:
             clamp = _Clamp(now, now, off, unit)
@@ -150,7 +150,7 @@ class Control:
         self.renew()
 
     def renew(self) -> None:
-        """Construct the processors and the tracker anew."""
+        """Construct new processors and a new tracker."""
         params, context = self._params, self._context
         processors: dict[str, Processor[Any]] = {
             part.label: make(part, params[part.label], context) for part in self._plan.processors
@@ -231,13 +231,13 @@ class Control:
         if isinstance(given, Emitting):
             event = given.event
             if type(event) not in part.cls.own_events or not isinstance(output, Setpoint):
-                raise PartError(f"`{event.name}` with {output!r} is nothing that it emits")
+                raise PartError(f"`{event.name}` with {output!r} is not among its declared events")
             self._events.emit(event.replaced(processor=part.name), vehicle, part.at)
             return output
         undeclared = given.options.keys() - part.cls.retunes
         if undeclared or not isinstance(output, Setpoint):
             named = ", ".join(f"`{option}`" for option in sorted(undeclared))
-            raise PartError(f"{named or repr(output)} is nothing that it retunes")
+            raise PartError(f"{named or repr(output)} is not among its declared options")
         for option, value in given.options.items():
             name = f"{vehicle}.{self._tracker_label}.{option}"
             with suppress(OptionRefused):
@@ -271,5 +271,5 @@ class Control:
 def _turning(command: Command, off_ground: bool) -> Command:
     """Return `command`. Raises ValueError if it would stop the rotors in the air."""
     if off_ground and not command.armed:
-        raise ValueError("the rotors can't rest in the air")
+        raise ValueError("the rotors can't be off in the air")
     return command

@@ -82,7 +82,7 @@ class Decision:
     def _unarmed(self, reason: str, tick: Tick) -> Command:
         """Return the command of this tick for a vehicle whose arming failed. On the ground, the
         behavior is refused. A vehicle that has lifted off meanwhile lands. If its own failsafe or a
-        pilot took it while its rotors turned, `ManualOverride` goes on in the next tick."""
+        pilot took it while its rotors turned, `ManualOverride` handles it in the next tick."""
         runner, link = self._runner, self._link
         is_taken = link.arming is not None and link.override is not None
         if self._reactions.airborne and not is_taken:

@@ -185,7 +185,7 @@ class Failsafe:
 
     def emit(self, label: str, alarm: Alarm, now: Time) -> RaisedAlarm:
         """Publish an alarm of the part `label` as an event, but only once while it persists. Return
-        it with the part's mission line."""
+        the alarm with the part's mission line."""
         raised = RaisedAlarm(alarm, self._lines.get(label, ""))
         last = self._last.get(alarm.event)
         self._last[alarm.event] = now

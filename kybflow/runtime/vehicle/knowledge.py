@@ -1,4 +1,5 @@
-"""Everything a vehicle knows: measurements of its link and sensors ─► monitors ─► estimate.
+"""Stores everything that a vehicle knows: measurements of its link and sensors ─► monitors ─►
+estimate.
 
 This module only receives; `LinkOut` sends.
 """
@@ -113,8 +114,8 @@ class RestingBias:
     """Measures the accelerometer's bias along body z while the rotors rest, for a descent without a
     position. The measured bias includes the effect of a sloping floor.
 
-    The measurement starts anew whenever the rotors come to rest. rotors_turn: whether the last
-    command let the rotors turn.
+    The measurement restarts whenever the rotors stop. rotors_turn: whether the last command let the
+    rotors turn.
     """
 
     __slots__ = ("_felt", "_time", "rotors_turn")

@@ -113,14 +113,14 @@ class ArmingWatch:
 
     def _has_fallen(self, tick: Tick) -> bool:
         """Return whether the vehicle, whose rotors rest, falls or fell within the last
-        `REPORT_LAG_NS`, and the reaction to that changed anything."""
+        `REPORT_LAG_NS`, and whether the reaction to that changed anything."""
         known = tick.estimate
         if known is not None and known.velocity[2] < -FALLING_SPEED:
             self._note_fall(tick)
         if self._fell is None or tick.now - self._fell[0] > REPORT_LAG_NS:
             return False
         above, self._fell = self._fell[1], None
-        reason = f"it disarmed in the air: its estimate has it {above:.2f} m above the ground"
+        reason = f"it disarmed in the air: its estimated height above the ground is {above:.2f} m"
         self._events.emit(ControlLost(reason=reason), self._name, self._at)
         lost = Alarm("control_lost", Reaction.CUT, reason, is_failure=True)
         return self._reactions.react(RaisedAlarm(lost, self._at), tick)
@@ -133,7 +133,7 @@ class ArmingWatch:
         stands = self._has_stood(tick.estimate, tick.now)
         if waited >= WARNING_NS and not self._reported:
             self._reported = True
-            self._emit("it has landed, is asked to disarm, and stays armed")
+            self._emit("it has landed, but does not disarm on request")
         if waited >= FORCE_NS and not self._forced and stands:
             self._forced = True
             try:

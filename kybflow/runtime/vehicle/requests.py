@@ -47,7 +47,7 @@ _SAFER = {
     LAND_BLIND: Reaction.LAND_BLIND,
 }
 """The built-in states that make any vehicle safer, and the reaction that leads to each."""
-_TAKEN = "somebody else has control, until `operator.resume`"
+_TAKEN = "another pilot or program has control until `operator.resume`"
 _STAYS = frozenset({AUTO_LAND, LANDED, FAULT})
 
 
@@ -95,7 +95,7 @@ class NoJudge:
         return _NOT_HERE
 
 
-_NOT_HERE = "nothing here can judge values"
+_NOT_HERE = "values can't be checked here"
 _MOST_ACTIONS = 10
 """Largest number of actions that a vehicle performs within a second. More would only delay its
 other messages."""
@@ -244,7 +244,7 @@ class Requests:
         first = min(asked, key=lambda request: request.by)
         for other in asked:
             if other.goal != first.goal:
-                winner = f"the {first.by.name.lower()} asked for `{first.state}`"
+                winner = f"the {first.by.name.lower()} requested `{first.state}`"
                 other.answered(self._refuse(other, f"{winner} in the same tick"))
         same = [request.answered for request in asked if request.goal == first.goal]
         _answer(partial(self._switch, first), same)
@@ -379,7 +379,7 @@ class Requests:
         parts = {part.label: part.cls for part in self._plan.processors}
         reason = None
         if label not in parts:
-            reason = "only processors are switched on and off"
+            reason = "only processors can be switched on and off"
         elif parts[label].safety:
             reason = "a safety part can't be switched off"
         if reason is not None:
@@ -396,7 +396,7 @@ class Requests:
     def _perform(self, act: str, by: str, at: str, now: Time) -> str | None:
         recent, reason = self._performed, self.perform_objection(act)
         if reason is None and len(recent) == _MOST_ACTIONS and now - recent[0] < NS:
-            reason = f"it was asked for {_MOST_ACTIONS} acts within a second"
+            reason = f"it was already asked for {_MOST_ACTIONS} acts within a second"
         if reason is None:
             try:
                 self._link.perform(act, now)

@@ -1,4 +1,4 @@
-"""Whether a vehicle may take off where it is, and whether it has touched down."""
+"""Checks whether a vehicle may take off at its position, and whether it has touched down."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class TouchDown:
             return ""
         if self._refused is None:
             self._refused = now
-        return f"its estimate has it {above:.2f} m above the ground"
+        return f"its estimated height above the ground is {above:.2f} m"
 
     def _is_still(self, height: float, now: Time, is_pushed: bool) -> bool:
         """Return whether the vehicle has claimed for `CLAIM_TIME_NS` to be on the ground, at a

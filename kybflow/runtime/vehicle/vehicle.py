@@ -169,8 +169,8 @@ class Vehicle:
     @property
     def may_touch_down(self) -> bool:
         """Whether the vehicle may touch the ground now: it is on the ground, it descends in order
-        to land, it is in its own land mode, or somebody else has control. A landing vehicle may not
-        touch the ground before its descent begins or while it is held."""
+        to land, it is in its own land mode, or a pilot or another program has control. A landing
+        vehicle may not touch the ground before its descent begins or while it is held."""
         runner, link = self.runner, self.link_out
         if not runner.off_ground or runner.land_mode is not None or link.override is not None:
             return True

@@ -39,9 +39,9 @@ class MotionCaptureSensorParams:
         "Unit of positions; the library converts Vicon's and Qualisys' to metres.",
         default="m", read_only=True,
     )  # fmt: skip
-    axes: Axes = param("Which axis points up.", default="z_up", read_only=True)
+    axes: Axes = param("The axis that points up.", default="z_up", read_only=True)
     latency: Duration = param(
-        "From the exposure to the arrival.",
+        "Time from the exposure to the arrival.",
         default=0.01, at_least=0.0, at_most=0.5, read_only=True,
     )  # fmt: skip
 

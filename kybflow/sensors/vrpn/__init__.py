@@ -37,14 +37,14 @@ class VrpnParams:
     )
     sensor: int = param("Number of the body's sensor.", default=0, at_least=0, read_only=True)
     units: Units = param("Unit of positions.", default="m", read_only=True)
-    axes: Axes = param("Which of the server's axes points up.", default="z_up", read_only=True)
+    axes: Axes = param("The server's axis that points up.", default="z_up", read_only=True)
     opening: Literal["direct", "lob"] = param(
         "Connect by TCP alone (`direct`), or request a call-back and receive datagrams (`lob`).",
         default="direct", read_only=True,
     )  # fmt: skip
     latency: Duration = param(
-        "From the exposure to the departure of the pose from the server, which can't be measured"
-        " here.",
+        "Time from the exposure to the departure of the pose from the server, which can't be "
+        "measured here.",
         default=0.0, at_least=0.0, at_most=0.5, read_only=True,
     )  # fmt: skip
 

@@ -59,7 +59,7 @@ def read_address(text: str, direct: bool) -> ServerAddress:
     match = _ADDRESS.fullmatch(text.strip())
     port = int(match[3] or PORT) if match else 0
     if match is None or not 0 < port < 65536:
-        raise DriverError(f"`{text}` is no VRPN server: write `HOST` or `HOST:{PORT}`")
+        raise DriverError(f"`{text}` is not a VRPN server: write `HOST` or `HOST:{PORT}`")
     if match[1] and not direct:
         raise DriverError(f"`{text}` asks for TCP alone: leave out `tcp://` or `opening: lob`")
     return ServerAddress(match[2].strip("[]"), port, direct)
@@ -248,7 +248,7 @@ class Client:
             which = ", ".join(map(str, others))
             return f"`{key.body}` has no sensor {key.sensor}, but {which}"
         bodies = sorted({other.body for other in sensors})
-        names = ", ".join(f"`{name}`" for name in bodies[:8]) or "nothing else either"
+        names = ", ".join(f"`{name}`" for name in bodies[:8]) or "nothing else"
         more = f" and {len(bodies) - 8} more" if len(bodies) > 8 else ""
         return f"{self.address} sends no `{key.body}`, but {names}{more}"
 

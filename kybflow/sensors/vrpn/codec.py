@@ -71,7 +71,7 @@ def check_cookie(cookie: bytes) -> str:
     """Return the peer's version, such as `07.38`. Raises CodecError if the major version differs
     from ours."""
     if not cookie.startswith(MAGIC):
-        raise CodecError(f"no VRPN: the peer began with {cookie[:16]!r}")
+        raise CodecError(f"not VRPN: the peer began with {cookie[:16]!r}")
     version = cookie[len(MAGIC) : len(MAGIC) + len(VERSION)]
     if version[:3] != VERSION[:3]:
         raise CodecError(f"VRPN version {version!r} is not supported; {VERSION.decode()} is")
@@ -107,7 +107,7 @@ class MessageDecoder:
         if self.version is None:
             if len(waiting) < COOKIE_SIZE:
                 if not MAGIC.startswith(bytes(waiting[: len(MAGIC)])):
-                    raise CodecError(f"no VRPN: the peer began with {bytes(waiting[:16])!r}")
+                    raise CodecError(f"not VRPN: the peer began with {bytes(waiting[:16])!r}")
                 return []
             self.version = check_cookie(bytes(waiting[:COOKIE_SIZE]))
             del waiting[:COOKIE_SIZE]
@@ -146,7 +146,7 @@ def describe(kind: int, number: int, name: str) -> Message:
     or TYPE. Raises CodecError if the name or the number is invalid."""
     text = name.encode("utf-8", "replace")
     if not 0 < len(text) <= LONGEST_NAME or b"\0" in text:
-        raise CodecError(f"`{name}` is no VRPN name: it needs 1 to {LONGEST_NAME} bytes, no NUL")
+        raise CodecError(f"`{name}` is not a VRPN name: it needs 1 to {LONGEST_NAME} bytes, no NUL")
     if not 0 <= number < MOST_NAMES:
         raise CodecError(f"VRPN has at most {MOST_NAMES} senders and types")
     return Message(0, number, kind, _LENGTH.pack(len(text) + 1) + text + b"\0")

@@ -94,7 +94,7 @@ def adjust(walk: Walk, x: Array, sigma: Mapping[str, float] = BELIEVED) -> Adjus
             x = _solved(walk, found, "linear" if i else "soft_l1")
             found = _weighed(walk, x, found)
     except (numpy.linalg.LinAlgError, ValueError):  # SciPy's for values that are not finite
-        message = "map, camera and frames contradict each other; are they of one floor?"
+        message = "map, camera and frames contradict each other; are they of the same floor?"
         raise CalibrationFailed(message) from None
     return found
 

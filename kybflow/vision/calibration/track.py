@@ -122,5 +122,5 @@ def read_poses(text: str) -> RecordedTrack:
         scale = square**-0.5
         attitudes.append((w * scale, x * scale, y * scale, z * scale))
     if len(times) < 2:
-        raise FileError(f"it has {len(times)} poses; two are the least")
+        raise FileError(f"it has {len(times)} poses; at least two are needed")
     return RecordedTrack(*(numpy.array(part) for part in (times, positions, attitudes)))

@@ -5,10 +5,10 @@ and the sharpest frame of each section is used. The times of a video count from 
 time of an image is the number of seconds at the start of its name.
 
 First the tags are detected in each frame without using their positions in the map, so that
-displaced tags are found too, and corrections are computed from these corners, which are accurate to
-half a pixel. Then every tag is searched for where the corrections predict it, to a few hundredths
-of a pixel, and the corrections are computed again. The correction of the mount requires the body's
-pose, from its start position in the first frame or from motion capture.
+displaced tags are also found, and corrections are computed from these corners, which are accurate
+to half a pixel. Then every tag is searched for where the corrections predict it, to a few
+hundredths of a pixel, and the corrections are computed again. The correction of the mount requires
+the body's pose, from its start position in the first frame or from motion capture.
 """
 
 from __future__ import annotations
@@ -84,14 +84,14 @@ def _frames(path: Path, camera: Camera) -> Iterator[WalkFrame]:
             if file.suffix.lower() in _IMAGES:
                 image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
                 if image is None:
-                    raise CalibrationFailed(f"`{file}` is no image")
+                    raise CalibrationFailed(f"`{file}` is not an image")
                 said = _SECONDS.match(file.stem)
                 yield WalkFrame(float(said[0]) if said else nan, grey(image, camera))
         return
     capture = cv2.VideoCapture(str(path))
     try:
         if not capture.isOpened():
-            raise CalibrationFailed(f"`{path}` is no video")
+            raise CalibrationFailed(f"`{path}` is not a video")
         while (read := capture.read())[0]:
             time = 1e-3 * capture.get(cv2.CAP_PROP_POS_MSEC)
             yield WalkFrame(time, grey(read[1], camera))
@@ -227,10 +227,12 @@ def _observed(
         raise CalibrationFailed(f"no tag of the map is found in {len(frames)} frames")
     if len(keys) == 1:
         ((family, number),) = keys
-        raise CalibrationFailed(f"only one tag is found, {number} of {family}: it tells no map")
+        raise CalibrationFailed(
+            f"only one tag is found, {number} of {family}: a map can't be determined"
+        )
     if len(shown) < _MIN_FRAMES:
         message = f"{len(shown)} of {len(frames)} frames show two tags or more"
-        raise CalibrationFailed(f"{message}; {_MIN_FRAMES} are needed, and 50 are good")
+        raise CalibrationFailed(f"{message}; {_MIN_FRAMES} are needed, and 50 are recommended")
     listed = [tag for tag in tags if tag.key in keys]
     at, turn = (numpy.array(part) for part in zip(*lenses, strict=True))
     return Walk(camera, listed, at, turn, _seen(views, listed)), shown

@@ -1,7 +1,7 @@
 """Locates the body from frames, by the fastest method that works.
 
-With a prediction, tags are searched for where it predicts them (`search`). If that fails, a wide
-search (`WideSearch`) gives a rough pose, from which tags are searched for again. Without a
+With a prediction, tags are searched for at their predicted positions (`search`). If that fails, a
+wide search (`WideSearch`) gives a rough pose, from which tags are searched for again. Without a
 prediction, or if the wide search fails too, whole images are searched (`Detector`), and tags are
 searched for again from the result. After a failure, the slow search of whole images is skipped for
 up to four frames.

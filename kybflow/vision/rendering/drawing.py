@@ -91,7 +91,7 @@ def motion(shot: Shot, nodes: Grid, exposure: float) -> Array:
 def _light(
     floor: Floor, solids: Sequence[Solid], shot: Shot, optics: Optics, covered: float
 ) -> Array:
-    """Return the sharp image, in which white paper is 255."""
+    """Return the image without motion blur; white paper has the grey level 255."""
     nodes = grid(shot.camera.lens, _VIEW_SPACING)
     met = shot.meet(nodes, FLOOR)[..., :2]
     places = nodes.fill(met, nodes.whole)
@@ -236,9 +236,9 @@ _IMAGE_SPACING, _MOST_IMAGES = 1.5, 16
 
 
 def blur_motion(image: Array, motion: Array, nodes: Grid) -> Array:
-    """Return the image blurred by motion during the exposure. motion: pixels, (rows, columns, 2),
-    at the nodes. The middle of the exposure stays in place. Uniform motion is a convolution with a
-    kernel; other motion is the mean of displaced images."""
+    """Return the image blurred by motion during the exposure. motion: of the image at each grid
+    node, pixels, (rows, columns, 2). The middle of the exposure stays in place. Uniform motion is a
+    convolution with a kernel; other motion is the mean of displaced images."""
     inside = motion[1:-1, 1:-1]
     longest = float(numpy.linalg.norm(inside, axis=2).max())
     if longest < _MIN_BLUR:

@@ -137,7 +137,7 @@ def _rim(shot: Shot, corners: Array) -> Array:
 
 def _part(points: Array, beyond: Array) -> Array:
     """Clip the hull of points to the half-space where `beyond`, a linear function of the points, is
-    positive. Return points of which the clipped hull is the hull."""
+    positive. Return points whose hull is the clipped hull."""
     is_in = beyond > 0.0
     if is_in.all():
         return points

@@ -121,9 +121,9 @@ def test_the_page_has_every_event_with_its_fields(event: type[BaseEvent]) -> Non
     [
         ("body_lost", "a vehicle with motion capture", "`value` [s], `bound` [s]", "yes"),
         ("lap_completed", "`circle`, `figure_eight`", "`behavior`, `lap`", "yes"),
-        ("run_ended", "the run", "`reason`", "no: the run is over then"),
+        ("run_ended", "the run", "`reason`", "no: the run has ended"),
         ("fault_ended", "a vehicle", "`fault`", "by a callback that logs it"),
-        ("landed_hard", "a vehicle", "`onto`, `speed` [m/s]", "no: it is recorded only"),
+        ("landed_hard", "a vehicle", "`onto`, `speed` [m/s]", "no: it is only recorded"),
     ],
 )
 def test_the_page_says_whose_an_event_is_its_units_and_who_may_wait_for_it(

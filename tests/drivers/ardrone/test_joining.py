@@ -86,4 +86,4 @@ def test_a_wrong_address_is_a_wrong_command_line():
     command = ["ardrone", "join", "--ssid", "lab", "--address", "x"]
     found = invoke(*command)
     assert found.exit_code == 2
-    assert "`x` with `255.255.255.0` is no IPv4 address" in found.output
+    assert "`x` with `255.255.255.0` is not an IPv4 address" in found.output

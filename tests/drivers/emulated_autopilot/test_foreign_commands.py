@@ -63,10 +63,10 @@ def test_foreign_set_points_are_told_with_the_station_and_no_success(autopilot, 
         "setpoints that this program did not send: position (1.0, 0.0, -0.8)"
         in (told.fields["reason"])
     )
-    assert told.fields["reason"].endswith(f"ground station {STATION} is heard too")
+    assert told.fields["reason"].endswith(f"ground station {STATION} is also connected")
     assert flight.at("foreign_command") - WRONG < 3.0
     assert flight.flown.summary["vehicles"]["a"]["foreign_commands"] == [told.fields["reason"]]
-    assert "somebody else commanded it: it follows" in flight.flown.summary["reason"]
+    assert "another program commanded it: it follows" in flight.flown.summary["reason"]
     assert flight.flown.exit_code == 1
 
 

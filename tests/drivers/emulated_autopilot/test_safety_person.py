@@ -157,7 +157,7 @@ def test_cut_stops_its_rotors_in_the_air(autopilot, tmp_path):
 
 
 TAKEN = 17.0
-SOMEBODYS = "somebody else has control, until `operator.resume`"
+SOMEBODYS = "another pilot or program has control until `operator.resume`"
 
 
 @pytest.mark.thorough

@@ -157,7 +157,7 @@ def test_the_preflight_names_each_parameter_that_is_wrong_and_the_cure(autopilot
     assert done.exit_code == 1
     lines = done.output.splitlines()
     [at] = [i for i, line in enumerate(lines) if " parameters " in line and "RED" in line]
-    assert "are not as flight without GPS needs them" in lines[at]
+    assert "are wrong for flight without GPS" in lines[at]
     wrong = {
         "px4": ("EKF2_EV_CTRL is 0,", "SYS_HAS_GPS is 1,"),
         "ardupilot": ("VISO_TYPE is 0,", "EK3_SRC1_POSXY is 3,"),
@@ -180,4 +180,4 @@ def test_a_run_tells_each_parameter_that_is_wrong_once(autopilot, tmp_path):
     for words in (wrong, DANGEROUS[autopilot], f"kybflow mavlink setup --vehicle {autopilot}"):
         assert done.output.count(words) == 1
     [_, end] = done.output.split("bare failed: ")
-    assert "are not as flight without GPS needs them" in end
+    assert "are wrong for flight without GPS" in end

@@ -109,18 +109,18 @@ DANGEROUS = [
     ),
     (
         PX4, {"COM_OF_LOSS_T": 2.5}, False,
-        "COM_OF_LOSS_T is 2.5: for so many seconds it would fly on without setpoints; set 0.5",
+        "COM_OF_LOSS_T is 2.5: it would fly on this long without setpoints; set 0.5",
     ),
     (
         ARDUPILOT, {"FS_GCS_ENABLE": 0.0}, False,
-        "FS_GCS_ENABLE is 0: without our heartbeat nothing would happen, a position setpoint is"
-        " held for ever; set 5 (land)",
+        "FS_GCS_ENABLE is 0: without our heartbeat it would hold the last position setpoint for"
+        " ever; set 5 (land)",
     ),
     *(
         (
             PX4, {"NAV_DLL_ACT": value}, False,
             f"NAV_DLL_ACT is {value:g}: without our heartbeat its rotors would stop in the air;"
-            " set 3 (land), or 0 (nothing: lost setpoints count)",
+            " set 3 (land), or 0 (nothing; the loss of setpoints then acts)",
         )
         for value in (5.0, 6.0)
     ),
@@ -143,7 +143,7 @@ DANGEROUS = [
     ),
     (
         ARDUPILOT, {"SYSID_MYGCS": 255.0}, False,
-        "SYSID_MYGCS is 255: it waits for another program's heartbeat, not for ours;"
+        "SYSID_MYGCS is 255: it waits for another program's heartbeat, not for kybflow's;"
         " set 245 (this program)",
     ),
 ]  # fmt: skip

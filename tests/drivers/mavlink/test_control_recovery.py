@@ -173,7 +173,7 @@ def test_that_nobody_insists_any_more_is_said_with_its_words(name):
     assert bench.link.override.refused == ""
     bench.run(2.0, UP)
     refused = bench.link.override.refused
-    assert refused.startswith("it won't go from ")
+    assert refused.startswith("it does not change from ")
     assert "not today" in refused
     assert refused.endswith(", asked for 10 s")
     bench.link.reclaim(bench.now)
@@ -185,7 +185,7 @@ def test_that_it_cannot_be_asked_for_is_said(monkeypatch):
     deaf_to_positions(bench, monkeypatch)
     bench.run(3.0, UP)
     bench.link.reclaim(bench.now)
-    assert bench.link.override.refused == "its position is unknown, so it can't hold it"
+    assert bench.link.override.refused == "it can't hold its position, which is unknown"
 
 
 def after_landing(refuses: str) -> Bench:

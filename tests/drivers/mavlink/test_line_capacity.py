@@ -55,7 +55,11 @@ def test_a_signature_counts():
     [
         ({"position": "own"}, 3250, ""),
         ({"position": "own", "rate": 100.0}, 6500, "set a lower `rate`, or a higher baud rate"),
-        ({}, 10600, "set a lower `rate` and `vision_rate`, or a higher baud rate on both sides"),
+        (
+            {},
+            10600,
+            "set a lower `rate` and `vision_rate`, or a higher baud rate on both sides",
+        ),
         ({"rate": 10.0, "vision_rate": 10.0}, 3100, ""),
     ],
 )

@@ -244,7 +244,7 @@ def test_where_nobody_says_why_that_is_said():
     bench = flying()
     bench.fake.go("RETURN")
     bench.run(1.0, UP)
-    assert "does not say why" in reason(bench)
+    assert "for an unknown reason" in reason(bench)
     assert not bench.link.override.lands
 
 
@@ -421,7 +421,7 @@ def test_what_it_says_of_warning_or_worse_is_told_once():
 def test_silence_from_the_start_is_an_error_with_a_way_out_and_later_it_is_age():
     bench = Bench()
     bench.fake.is_quiet = True
-    said = r"system 1 was not heard.*nothing is heard.*\? Start it.*`address`"
+    said = r"system 1 was silent.*nothing is heard.*\? Start it.*`address`"
     with pytest.raises(DriverError, match=said):
         bench.run(11.0)
     bench = standing()

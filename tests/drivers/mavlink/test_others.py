@@ -79,7 +79,7 @@ def test_two_foreign_targets_in_three_seconds_are_told_once_and_by_whom(
     assert [step for step, words in enumerate(told) if words] == [2]
     assert told[2] == [
         "it follows setpoints that this program did not send: position (2.0, 0.0, -1.0) north,"
-        " east, down; ground station 200 is heard too"
+        " east, down; ground station 200 is also connected"
     ]
 
 

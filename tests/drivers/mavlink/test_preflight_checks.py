@@ -102,14 +102,13 @@ def test_where_it_has_no_position_the_line_says_what_it_is_made_of():
     bench.fake.flags = NO_POSITION
     assert looked(bench, 8.0)["position"].reason == (
         "it has none (estimator flags 37); kybflow sends it one, and it is set up to use it"
-        " (EKF2_EV_CTRL 15, EKF2_HGT_REF 3): parameters that were just written may count only after"
-        " a restart"
+        " (EKF2_EV_CTRL 15, EKF2_HGT_REF 3): new parameters may take effect only after a restart"
     )
     bare = Bench()
     bare.fake.flags = NO_POSITION
     assert looked(bare, 8.0)["position"].reason == (
-        "it has none (estimator flags 37); it is not set up to use the one that kybflow sends:"
-        " see `parameters`"
+        "it has none (estimator flags 37); it is not set up to use kybflow's heading: see "
+        "`parameters`"
     )
 
 
@@ -118,7 +117,8 @@ def test_one_that_finds_its_own_position_says_by_which_parameters():
     bench.fake.params |= {"GPS_TYPE": 1.0, "EK3_SRC1_POSXY": 3.0}
     bench.fake.flags = NO_POSITION
     assert looked(bench, 8.0)["position"].reason == (
-        "it has none (estimator flags 37); it finds its own by GPS_TYPE 1, EK3_SRC1_POSXY 3: does"
+        "it has none (estimator flags 37); it finds its own heading by GPS_TYPE 1, "
+        "EK3_SRC1_POSXY 3: does"
         " it receive satellites?"
     )
 
@@ -134,7 +134,7 @@ def test_several_dangers_are_a_line_each_and_told_once():
         "FS_GCS_ENABLE", "SYSID_MYGCS", "BATT_FS_LOW_ACT",
     ]  # fmt: skip
     assert headline(parameters) == (
-        "3 of 15 are not as flight without GPS needs them, 2 of these under `watchdog`"
+        "3 of 15 are wrong for flight without GPS, 2 of these under `watchdog`"
     )
     assert details(parameters) == [
         "VISO_TYPE is 0,  should be 1:  takes poses from kybflow",
@@ -194,9 +194,7 @@ def test_the_preflight_names_every_parameter_that_is_wrong():
     bench.run(3.0)
     checks = looked(bench, 10.0)
     headline, *rows, cure, end = checks["parameters"].reason.split("\n")
-    assert headline == (
-        "12 of 17 are not as flight without GPS needs them, 1 of these under `watchdog`"
-    )
+    assert headline == ("12 of 17 are wrong for flight without GPS, 1 of these under `watchdog`")
     assert rows[0] == (
         "  EKF2_EV_CTRL is 0,    should be 15:    takes position, height, velocity and heading from"
         " kybflow"

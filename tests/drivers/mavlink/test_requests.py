@@ -112,7 +112,7 @@ def test_a_refusal_without_a_word(result: int, word: str) -> None:
     peer.sent(0)
     peer.answer(ARM, result, 1)
     peer.sent(400)
-    assert request.words == f"refused ({word}), and it does not say why"
+    assert request.words == f"refused ({word})for an unknown reason"
 
 
 def test_two_commands_wait_at_once() -> None:
@@ -132,7 +132,7 @@ def test_what_is_in_progress_is_not_sent_again_but_must_end() -> None:
     assert request.outcome == "waiting"
     peer.sent(10_100)
     assert request.outcome == "silent"
-    assert request.words == "COMPONENT_ARM_DISARM began, and its end was not reported"
+    assert request.words == "COMPONENT_ARM_DISARM began, but its end was not reported"
 
 
 def test_many_of_one_command_take_turns() -> None:
@@ -161,7 +161,7 @@ def test_a_newer_request_on_the_same_matter_goes_at_once_and_ends_the_older() ->
     arm = peer.ask(ARM, 1)
     peer.sent(0)
     disarm = peer.ask(ARM, 0, FORCE, now=50 * MS)
-    assert (arm.outcome, arm.words) == ("refused", "a newer request took its place")
+    assert (arm.outcome, arm.words) == ("refused", "a newer request replaced it")
     assert peer.sent(50) == [(ARM, 0, 0)]
     peer.answer(ARM, 4, 60)
     assert disarm.outcome == "waiting"

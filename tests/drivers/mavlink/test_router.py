@@ -181,8 +181,8 @@ def test_a_wrong_key_is_told() -> None:
 @pytest.mark.parametrize(
     ("address", "words"),
     [
-        ("serial:/dev/ttyUSB0:57600", "is no MAVLink: is the baud rate right?"),
-        ("tcp:127.0.0.1:80", "is no MAVLink"),
+        ("serial:/dev/ttyUSB0:57600", "is not MAVLink: is the baud rate right?"),
+        ("tcp:127.0.0.1:80", "is not MAVLink"),
     ],
 )
 def test_what_is_no_mavlink_is_told(address: str, words: str) -> None:
@@ -209,7 +209,7 @@ def test_a_second_vehicle_with_the_same_id_is_dropped_and_told() -> None:
     assert wire.sent[0][0] == ONE
     assert port.trouble() == (
         "system 1 is heard at udpin:127.0.0.1:14540 from 10.0.0.1:14580 and from 10.0.0.2:14580:"
-        " give one of the two vehicles another system id"
+        " give one of them another system id"
     )
     wire.coming = [(frame(), ONE)]
     hub.poll(4 * NS)

@@ -189,7 +189,10 @@ def test_a_key_that_others_may_read_is_warned_of(tmp_path: Path, mode: int) -> N
     [
         (b"", "is empty: write a passphrase"),
         (b" \n", "is empty: write a passphrase"),
-        (bytes(31), "has 31 bytes, which are no text: a key is 32 bytes, 64 hexadecimal digits or"),
+        (
+            bytes(31),
+            "has 31 bytes, which are not text: a key is 32 bytes, 64 hexadecimal digits or",
+        ),
         (None, "no key can be read from .*: No such file"),
     ],
 )

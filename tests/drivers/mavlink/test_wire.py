@@ -268,7 +268,7 @@ def test_a_serial_line_that_another_program_has_is_told() -> None:
         one.receive(0)
         other.receive(0)
         assert one.trouble() is None
-        assert other.trouble() == f"{address}: another program has it: close it"
+        assert other.trouble() == f"{address}: another program is using it: close that program"
     os.close(vehicle)
     os.close(device)
 
@@ -355,8 +355,8 @@ def test_an_address_is_written_like_this(text: str, expected: Address) -> None:
         ("udpin:", "write `udpin:HOST:PORT`"),
         ("udpin:a b:14540", "write `udpin:HOST:PORT`"),
         ("udpin:[::1]:14540", "write `udpin:HOST:PORT`"),
-        ("udpout:14540", "says no host: write `udpout:HOST:14540`"),
-        ("tcp:5760", "says no host: write `tcp:HOST:5760`"),
+        ("udpout:14540", "has no host: write `udpout:HOST:14540`"),
+        ("tcp:5760", "has no host: write `tcp:HOST:5760`"),
         ("tcp://127.0.0.1:5760", "write `tcp:HOST:PORT`"),
         ("udpin:127.0.0.1:0", "ports go from 1 to 65535"),
         ("tcp:localhost:65536", "ports go from 1 to 65535"),

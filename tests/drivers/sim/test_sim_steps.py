@@ -173,7 +173,7 @@ def test_a_kernel_that_does_not_compile_is_done_without(plain, compiler, monkeyp
         raise RuntimeError("no such type")
 
     monkeypatch.setattr(kernel, "machine_code", refuses)
-    with pytest.warns(UserWarning, match="no such type; Python makes them"):
+    with pytest.warns(UserWarning, match="no such type; Python computes them"):
         session = world(seat(params=replace(QUIET, gust=0.3)))
     assert isinstance(session._stepper, Stepper)
     lift(session, session.links["a"], seconds=1.0)

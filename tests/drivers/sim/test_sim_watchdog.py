@@ -157,5 +157,7 @@ def test_without_a_watchdog_it_flies_on_and_the_part_says_so():
     session, link, now = in_flight(params)
     session.advance(now + 3 * NS)
     assert link.truth().position[2] > 0.5
-    assert Sim.watchdog(params) == "`watchdog` is off: nothing lands it should this stop"
+    assert (
+        Sim.watchdog(params) == "`watchdog` is off: nothing lands the vehicle if this program stops"
+    )
     assert Sim.watchdog(QUIET) is None

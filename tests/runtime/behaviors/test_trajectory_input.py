@@ -60,10 +60,10 @@ def test_it_goes_through_every_point_without_a_step() -> None:
     [
         (2.0, (nan, 0.0, 1.0), "not finite"),
         (inf, (0.0, 0.0, 1.0), "not finite"),
-        (0.9, (0.0, 0.0, 1.0), "stale: it is 1.000 s already"),
+        (0.9, (0.0, 0.0, 1.0), "stale: the time is 1.000 s"),
         (1.5, (0.3, 0.0, 1.0), "not later than the last point, of 1.500 s"),
         (2.0, (2.0, 0.0, 1.0), "needs 3.80 m/s, 1 are allowed"),
-        (9.0, (3.5, 0.0, 1.0), "0.50 m outside of the fence"),
+        (9.0, (3.5, 0.0, 1.0), "0.50 m outside the fence"),
         (20.0, (0.1, 0.0, 1.0), "19.0 s ahead, 10 s are allowed"),
     ],
 )
@@ -82,7 +82,7 @@ def test_it_brakes_after_the_last_point_and_fails_when_none_comes() -> None:
     assert flight.end == ""
     assert flight.way[-1].velocity == pytest.approx(ZERO)
     flight.fly(0.2)
-    assert flight.end == "no point has come for 1 s"
+    assert flight.end == "no point has arrived for 1 s"
 
 
 def test_a_point_has_one_spelling() -> None:
@@ -120,7 +120,7 @@ def test_a_planner_flies_a_vehicle_by_commands_that_are_recorded(tmp_path: Path)
     assert flown.exit_code == 0
     assert '"command_given"' in events
     assert "it is not later than the last point, of 10.000 s" in events
-    assert "no point has come for 3 s" in events
+    assert "no point has arrived for 3 s" in events
 
 
 @pytest.mark.parametrize("ahead", [1, 4, 20])

@@ -123,11 +123,11 @@ def test_each_command_is_answered_once_and_refused_in_the_words_of_the_event(run
         (5.2, "switch c up", False, "there is no vehicle `c`; known here: `a`"),
         (5.3, "switch a brake", True, ""),
         (5.4, "disable a.processors.fence", False, "a safety part can't be switched off"),
-        (5.5, "disable a.processors.nothing", False, "only processors are switched on and off"),
+        (5.5, "disable a.processors.nothing", False, "only processors can be switched on and off"),
         (5.6, "emit operator.og", False, "the mission doesn't wait for `operator.og`; "
          "did you mean `operator.stop`?"),
         (5.7, "emit landed", False,
-         "the mission doesn't wait for a person's `landed`: kybflow tells it"),
+         "the mission doesn't wait for a person's `landed`: kybflow raises that event itself"),
         (5.8, "phase team go", False, "there is no flow `team`; "),
         (6.0, "land a", True, ""),
         (6.1, "switch a hover", False, "the run ends: a person landed it"),
@@ -301,7 +301,7 @@ def test_the_queue_is_bounded_and_takes_lines_only():
     queue, heard = CommandQueue(), []
     for _ in range(MOST_WAITING + 5):
         queue.ask(Stop(""), "anna", heard.append)
-    assert heard == [Answer(False, f"{MOST_WAITING} commands wait already")] * 5
+    assert heard == [Answer(False, f"{MOST_WAITING} commands are already waiting")] * 5
     for words, by in (("\ud800", "anna"), ("x" * 2000, "anna"), ("x", "a\nb"), ("x", SCHEDULE)):
         queue.ask(Emit(words), by, heard.append)
     assert [answer.accepted for answer in heard[5:]] == [False] * 4

@@ -406,7 +406,7 @@ def test_true_poses_are_flown_on_again_though_dead_reckoning_drifted(run):
     assert bodies(told) == [("a", "body_froze"), ("a", "body_recovered")]
     [refused], [accepted] = named(told, "position_refused"), named(told, "position_accepted")
     assert refused.fields["estimator"] == accepted.fields["estimator"] == "mocap"
-    assert "from where it is believed" in refused.fields["reason"]
+    assert "m from the estimate" in refused.fields["reason"]
     assert accepted.fields["value"] == pytest.approx(0.3, abs=0.02)
     [*_, back] = named(told, "estimator_changed")
     assert back.fields["estimator"] == "mocap"

@@ -187,7 +187,7 @@ def test_what_can_not_be_noted_is_its_failure() -> None:
     sense, told = sensing(lambda now: [pose(now)])
     assert sense.merged([imu(1)], 1, note) == [imu(1)]
     (failed,) = named(told, "sensor_failed")
-    assert failed.fields["reason"] == "what it gives can't be taken: ValueError: this is no pose"
+    assert failed.fields["reason"] == "its measurement can't be used: ValueError: this is no pose"
 
 
 def test_what_is_stamped_in_the_future_is_left_out_and_told_once() -> None:
@@ -233,7 +233,7 @@ def test_so_are_frames_whose_image_is_none(image: Any) -> None:
     sense, told = sensing(lambda now: [Frame(now, "down", image)], Positions)
     assert [joined(sense, [], now) for now in (1, 2)] == [[], []]
     (refused,) = told
-    assert refused.fields["reason"] == "with an image of `down` that is no grey one"
+    assert refused.fields["reason"] == "with an image of `down` that is not a grey image"
 
 
 def test_a_stamp_far_ahead_does_not_silence_a_body(run) -> None:
@@ -307,7 +307,7 @@ def test_a_sensor_of_the_wall_clock_sets_the_pace_of_a_simulation() -> None:
     body = vehicle("a", [down()], sensors=(sensor(lambda now: [], Live),))
     assert pace_of(plan(body), None) == pace_of(plan(body), 1.0) == 1.0
     reason = (
-        "`scripted` (m.yaml:7) works in real time, which the simulation must keep: fly with "
+        "`scripted` (m.yaml:7) works in real time, so the simulation must too: fly with "
         "`--speed 1` or without `--speed`"
     )
     with pytest.raises(DriverError, match=re.escape(reason)):

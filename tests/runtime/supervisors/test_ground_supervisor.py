@@ -13,7 +13,7 @@ from kybflow.dsl.plan import FaultPlan
 from kybflow.runtime.supervisors.ground import Ground, GroundParams
 
 TOUCHED = Alarm(
-    "ground_touched", Reaction.LAND, "it lies on the ground, but should fly", is_failure=True
+    "ground_touched", Reaction.LAND, "it is on the ground, but should fly", is_failure=True
 )
 HOVER = at_rest((0.0, 0.0, 1.0))
 
@@ -104,4 +104,4 @@ def test_a_vehicle_that_gets_too_heavy_is_landed_and_the_run_has_failed(tmp_path
     times = {event.name: event.time / NS for event in reversed(told)}
     assert 6.0 < times["ground_touched"] < times["landed"] < times["ground_touched"] + 3.0
     assert flown.summary["outcome"] == "failed"
-    assert "it lies on the ground, but should fly" in flown.summary["reason"]
+    assert "it is on the ground, but should fly" in flown.summary["reason"]

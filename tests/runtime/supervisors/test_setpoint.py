@@ -39,7 +39,11 @@ def test_a_fast_setpoint_is_no_step() -> None:
 def test_a_setpoint_that_is_too_far_away_brakes() -> None:
     far = [following(i, 0.4 * i) for i in range(4)]
     expected = Alarm(
-        "setpoint_left", Reaction.BRAKE, "its setpoint is away by 1.20 m, 1 m allowed", 1.2, 1.0
+        "setpoint_left",
+        Reaction.BRAKE,
+        "its setpoint is at a distance of 1.20 m, 1 m allowed",
+        1.2,
+        1.0,
     )
     last = heard(*far)[-1]
     assert last is not None

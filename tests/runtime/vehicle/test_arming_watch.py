@@ -40,7 +40,7 @@ def test_one_that_disarms_in_the_air_has_not_landed(run, way):
     own = wrapped(lambda _, link: Dropped(link, way))
     flown, told = run(flight(own))
     [lost], started = named(told, "control_lost"), named(told, "failsafe_started")[-1]
-    assert lost.fields["reason"].startswith("it disarmed in the air: its estimate has it ")
+    assert lost.fields["reason"].startswith("it disarmed in the air: its estimated height ")
     assert TAKEN < lost.time / NS < TAKEN + (0.75 if way == "says it late" else 0.3)
     assert started.fields["reaction"] == "cut"
     assert named(told, "landed") == []

@@ -76,7 +76,7 @@ def test_a_behavior_whose_goal_is_clamped_has_failed(tmp_path: Path):
     flight, visit, _ = lab_flight(Rise, tmp_path)
     assert visit["ended"] == "failed"
     assert flight.summary["outcome"] == "failed"
-    assert "`fence` keeps the setpoint 1.5 m off what is wanted" in flight.summary["reason"]
+    assert "`fence` keeps the setpoint 1.5 m from the requested one" in flight.summary["reason"]
 
 
 def test_its_error_is_from_what_it_wanted(tmp_path: Path):
@@ -146,7 +146,7 @@ def test_a_clamp_that_comes_back_later_is_another():
 
 def test_velocities_are_clamped_too():
     began, ended = clamped((0.0, climbing(0.5), climbing(0.1)), (0.2, climbing(0.5), climbing(0.0)))
-    assert "40 cm/s off" in began.fields["reason"]
+    assert "40 cm/s from" in began.fields["reason"]
     assert (ended.fields["most"], ended.fields["seconds"]) == ("50 cm/s", pytest.approx(0.2))
 
 

@@ -210,7 +210,7 @@ def test_what_an_estimator_refuses_is_told_and_when_it_takes_it_again(ages):
     estimation = choice(candidate("first"), told=told)
     sources_used(estimation, 0.0, 0.1)
     [only] = estimation.candidates
-    only.part.refusal = Refusal(NS // 2, "1.20 m from where it is believed, 0.50 m allowed")
+    only.part.refusal = Refusal(NS // 2, "1.20 m from the estimate, 0.50 m allowed")
     sources_used(estimation, 0.7, 0.9)
     only.part.refusal = None
     sources_used(estimation, 2.5, 2.6)
@@ -220,7 +220,7 @@ def test_what_an_estimator_refuses_is_told_and_when_it_takes_it_again(ages):
             "position_refused",
             {
                 "estimator": "first",
-                "reason": "1.20 m from where it is believed, 0.50 m allowed",
+                "reason": "1.20 m from the estimate, 0.50 m allowed",
             },
         ),
         ("position_accepted", {"estimator": "first", "value": pytest.approx(2.0)}),

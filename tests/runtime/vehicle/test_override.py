@@ -178,7 +178,7 @@ def test_nobody_lands_by_command_what_a_pilot_has_and_the_run_goes_on(run):
     flown, told = run(flight(own), emitted=asked)
     land, resume = named(told, "command_given")
     assert (land.fields["command"], land.fields["accepted"]) == ("land", False)
-    assert land.fields["reason"] == "somebody else has control, until `operator.resume`"
+    assert land.fields["reason"] == "another pilot or program has control until `operator.resume`"
     assert resume.fields["accepted"]
     assert path(told, "a") == ["up", "hold", "down", "landed"]
     assert flown.exit_code == 0
@@ -241,7 +241,7 @@ class Keeping(Autopilot):
     def read(self, now):
         measured = super().read(now)
         if self.asked_back is not None and now / NS > self.asked_back + 1.0:
-            self.override = PILOT._replace(refused="it won't go from POSCTL to OFFBOARD")
+            self.override = PILOT._replace(refused="it does not change from POSCTL to OFFBOARD")
         return measured
 
 
@@ -251,7 +251,7 @@ def test_a_vehicle_that_is_asked_for_and_does_not_come_is_told_each_time(run):
     _, told = run(flight(own), emitted=asks)
     found = named(told, "control_refused")
     assert [event.fields for event in found] == [
-        {"reason": "it won't go from POSCTL to OFFBOARD"}
+        {"reason": "it does not change from POSCTL to OFFBOARD"}
     ] * 2
     times = [event.time / NS for event in found]
     assert times == pytest.approx([TAKEN + 1.2, TAKEN + 2.8], abs=0.03)
@@ -270,7 +270,9 @@ def test_nobody_else_gets_a_vehicle_that_a_pilot_has(run):
 
     _, told = run(flight(own), observers=(ask,), emitted=((BACK, "operator.resume"),))
     [refused] = named(told, "switch_refused")
-    assert refused.fields["reason"] == "somebody else has control, until `operator.resume`"
+    assert (
+        refused.fields["reason"] == "another pilot or program has control until `operator.resume`"
+    )
 
 
 def test_a_run_ends_when_the_pilot_has_put_the_vehicle_down(run):
@@ -370,7 +372,9 @@ def test_nobody_takes_off_again_with_what_a_pilot_put_down(run):
     assert "arm" not in after
     assert path(told, "a") == ["up", "hold", "landed"]
     [refused] = named(told, "switch_refused")
-    assert refused.fields["reason"] == "somebody else has control, until `operator.resume`"
+    assert (
+        refused.fields["reason"] == "another pilot or program has control until `operator.resume`"
+    )
 
 
 class Guest(Autopilot):

@@ -85,5 +85,5 @@ def test_one_that_retunes_what_it_does_not_declare_has_failed(run: Any) -> None:
     told, seen = retuned(run, {"tilt": 0.1})
     [failed] = named(told, "part_failed")
     assert failed.fields["part"] == "processors.stiffen"
-    assert "`tilt` is nothing that it retunes" in str(failed.fields["reason"])
+    assert "`tilt` is not among its declared options" in str(failed.fields["reason"])
     assert {*seen} == {7.5}

@@ -67,7 +67,7 @@ def test_a_fresh_estimate_in_the_air_refuses_it(estimate):
 
 def test_the_reason_says_how_high():
     reason = landing().refusal(at(0.0, 0.0, 7.9), 0, is_pushed=True)
-    assert reason == "its estimate has it 7.90 m above the ground"
+    assert reason == "its estimated height above the ground is 7.90 m"
 
 
 def test_without_an_estimate_nothing_contradicts():

@@ -51,7 +51,7 @@ def test_of_several_in_one_tick_the_operator_is_heard_and_the_others_are_told(ru
 
     _, told = run(flight(), observers=(orders((5.0, all_of_them)),))
     assert path(told, "a") == ["up", "hold", "down", "landed"]
-    because = "the operator asked for `down` in the same tick"
+    because = "the operator requested `down` in the same tick"
     assert refusals(told) == [
         ("hold", "callback", because, "m.yaml:1"),
         ("side", "flow", because, "m.yaml:2"),
@@ -138,7 +138,7 @@ def test_processors_are_switched_off_and_on_but_no_safety_part(run):
     assert on.fields["by"] == "flow"
     assert [(e.fields["option"], e.fields["reason"]) for e in named(told, "option_refused")] == [
         ("a.processors.fence", "a safety part can't be switched off"),
-        ("a.supervisors.battery", "only processors are switched on and off"),
+        ("a.supervisors.battery", "only processors can be switched on and off"),
     ]
 
 

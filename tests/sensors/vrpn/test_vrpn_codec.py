@@ -145,7 +145,7 @@ def test_a_datagram_holds_whole_messages(sent: list[Message]) -> None:
 @pytest.mark.parametrize(
     ("call", "reason"),
     [
-        (lambda: MessageDecoder().feed(b"HTTP/1.1"), "no VRPN: the peer began with b'HTTP/1.1'"),
+        (lambda: MessageDecoder().feed(b"HTTP/1.1"), "not VRPN: the peer began with b'HTTP/1.1'"),
         (
             lambda: check_cookie(b"vrpn: ver. 06.04  0".ljust(24, b"\0")),
             "is not supported; 07.38 is",

@@ -65,7 +65,7 @@ def test_a_server_is_written_like_this(text: str, direct: bool, expected: Server
     "text", ["", "uav1@vicon", "vicon:0", "vicon:99999", "udp://vicon", "a b", "vicon:", "::1"]
 )
 def test_what_is_no_server_is_refused(text: str) -> None:
-    with pytest.raises(DriverError, match=r"is no VRPN server: write `HOST` or `HOST:3883`"):
+    with pytest.raises(DriverError, match=r"is not a VRPN server: write `HOST` or `HOST:3883`"):
         read_address(text, True)
 
 
@@ -162,7 +162,7 @@ def test_what_is_wrong_is_said(server: Server) -> None:
         for body, sensor in (("a", 0), ("a", 1), ("b", 0))
     ]
     until(lambda: "sends no" in (readers[0].trouble() or ""), "the link")
-    assert readers[0].trouble() == f"127.0.0.1:{server.port} sends no `a`, but nothing else either"
+    assert readers[0].trouble() == f"127.0.0.1:{server.port} sends no `a`, but nothing else"
     taken(readers[0], server)
     until(lambda: readers[0].trouble() is None, "the body being known")
     assert readers[1].trouble() == "`a` has no sensor 1, but 0"
@@ -193,7 +193,7 @@ def test_a_server_that_speaks_something_else_is_told_apart() -> None:
         stream, _ = door.accept()
         with stream:
             stream.sendall(b"220 mail.example ESMTP ready\r\n")
-            until(lambda: "no VRPN" in (reader.trouble() or "").partition(": ")[2], "the refusal")
+            until(lambda: "not VRPN" in (reader.trouble() or "").partition(": ")[2], "the refusal")
         assert reader.trouble() is not None
         assert "the peer began with b'220 mail.example'" in str(reader.trouble())
         reader.close()

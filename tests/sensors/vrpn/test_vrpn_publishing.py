@@ -115,7 +115,7 @@ def test_the_command_serves_until_it_is_ended(what: list[str], plan: Plan, tmp_p
         (["m.yaml", "--still", "a=0,0,0"], "give either a mission or bodies with --still"),
         (["--still", "a=0,0"], "`a=0,0` is not NAME=X,Y,Z"),
         (["--still", "=0,0,0"], "`=0,0,0` is not NAME=X,Y,Z"),
-        (["--port", "0", "--still", "a" * 120 + "=0,0,0"], "is no VRPN name"),
+        (["--port", "0", "--still", "a" * 120 + "=0,0,0"], "is not a VRPN name"),
         (["--still", "a=0,0,nan"], "`a=0,0,nan` is not NAME=X,Y,Z"),
     ],
 )

@@ -16,7 +16,9 @@ def command(
     address: Annotated[str, Option(help="The drone's address in that network.")],
     netmask: Annotated[str, Option(help="The network's mask.")] = "255.255.255.0",
     drone: Annotated[str, Option(help="The drone's present address.")] = "192.168.1.1",
-    write: Annotated[bool, Option("--write", help="Do it; by default it is only shown.")] = False,
+    write: Annotated[
+        bool, Option("--write", help="Execute the commands; by default they are only shown.")
+    ] = False,
 ) -> None:
     """Move a drone from its own network into another, over its telnet shell.
 

@@ -22,7 +22,7 @@ MOST_TEXTS = 3
 
 
 def command(
-    address: Annotated[str, Option(help="Where to listen, such as udpin:127.0.0.1:14540.")],
+    address: Annotated[str, Option(help="Address to listen at, such as udpin:127.0.0.1:14540.")],
     lasts: Annotated[str, Option("--for", metavar="TIME", help="How long.")] = "5s",
     own_system: meeting.OwnSystem = 245,
     key: meeting.Key = None,

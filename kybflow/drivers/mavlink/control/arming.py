@@ -1,6 +1,6 @@
 """Arming and disarming.
 
-Arming waits for these conditions in order, checking all of them anew in every tick: setpoints are
+Arming waits for these conditions in order, checking all of them again in every tick: setpoints are
 being sent (if the autopilot requires them before the mode), the autopilot is in the mode in which
 it follows setpoints, it reports itself ready, its rotors are armed, and it has lifted off, by its
 own take-off or by setpoints above the ground. A condition that is lost again is requested again
@@ -82,7 +82,7 @@ class Arming:
     def _waits(self, stream: SetpointStream, height: float | None, rises: bool, now: Time) -> str:
         """Return what arming is waiting for; empty when it is done."""
         if self._profile.streams_first and stream.flows(now) < LEAD_S:
-            return "no setpoints are sent to it"
+            return "it gets no setpoints"
         if not self._modes.step(now):
             return self._modes.trouble
         if not self._status.armed:
@@ -92,7 +92,7 @@ class Arming:
                 return unready
             self._arm.step(now)
             reason = self._arm.refusal or unready
-            return reason or "it was asked to, and its heartbeat reports that it is not armed"
+            return reason or "it was asked to arm, but its heartbeat reports that it is not armed"
         if self._profile.climbs:
             return self._to_lift(height, now)
         if not rises or height is None or self._floor is None or height - self._floor >= LIFTED_BY:
@@ -190,7 +190,7 @@ class PreflightMode:
         self._modes.want("offboard")
         if self._stream is not None:
             if (holding := self._hold()) is None:
-                return "it has no position to hold, which it needs first"
+                return "it needs a position first"
             self._stream.feed(holding, now)
         if not self._modes.has_left:
             self._left = None

@@ -3,8 +3,8 @@ the rotors.
 
 The autopilot follows setpoints while it is armed and in the mode for that. If a pilot or its own
 failsafe takes it out of that mode, `override` holds the reason, and no setpoints are sent until
-control is requested again. A vehicle that somebody else armed is never disarmed here, except by
-`cut`.
+control is requested again. A vehicle that a person or another program armed is never disarmed here,
+except by `cut`.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ class OffboardControl:
         self._disarming = Disarming(self._status, self._requests, self.modes)
 
     def cut(self, now: Time) -> None:
-        """Stop the rotors, even if somebody else controls the vehicle."""
+        """Stop the rotors, even if a pilot or another program controls the vehicle."""
         self._begin(OffboardGoal.KILL, now)
         self._stream.stop()
         self.modes.want(None)

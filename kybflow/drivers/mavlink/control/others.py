@@ -160,7 +160,7 @@ class OtherCommanders:
         if not self.stations:
             return ""
         names = " and ".join(str(system) for system in sorted(self.stations))
-        return f"; ground station {names} is heard too"
+        return f"; ground station {names} is also connected"
 
     def _report(self, words: str, now: Time, about: str = "") -> None:
         about = about or words
@@ -171,7 +171,8 @@ class OtherCommanders:
 
 
 def _target(message: Message) -> _Target | None:
-    """Return the controlling field of a target; None if it has none, as a target of attitude."""
+    """Return the field that controls a target: position, velocity or acceleration; None if there is
+    none, such as for an attitude target."""
     mask = getattr(message, "type_mask", None)
     if mask is None or not hasattr(message, "vx"):
         return None

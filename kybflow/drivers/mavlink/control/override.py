@@ -106,13 +106,13 @@ class OverrideDetector:
         if now - since < (LANDING_GRACE if on_ground else TEXT_DELAY_NS):
             return None
         return OverrideCause(
-            f"a person or itself put it into {mode}, and it does not say why{text}"
+            f"it changed to {mode} by itself or by a person, for an unknown reason{text}"
         )
 
 
 RECLAIM_TIMEOUT_NS: Time = 10 * NS
 """How long control is requested."""
-NO_POSITION = "its position is unknown, so it can't hold it"
+NO_POSITION = "it can't hold its position, which is unknown"
 
 
 class ControlRecovery:

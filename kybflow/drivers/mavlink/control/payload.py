@@ -54,7 +54,7 @@ class PayloadGrip:
             self._left = list(self._profile.grip(number, is_open, function))
             if not self._left:
                 raise Refused(
-                    f"output {number} is for something else: {parameter} is {function or 0.0:g}"
+                    f"output {number} has another function: {parameter} is {function or 0.0:g}"
                 )
             self._is_open, self._refusals, self._request = is_open, [], None
         if self._request is None:

@@ -108,7 +108,7 @@ class CommandRequests:
                 continue
             if repr(other.params) == repr(filled):  # NaN equals NaN here
                 return other
-            other.end("refused", "a newer request took its place")
+            other.end("refused", "a newer request replaced it")
             if other.sent and not other.is_in_progress:
                 self._replaced.append(other)
         self._waiting.append(request)
@@ -171,10 +171,10 @@ class CommandRequests:
         """End the request if it was refused or has timed out."""
         if request.refusal:
             texts = self._status.words(request.asked)
-            why = f": {texts}" if texts else ", and it does not say why"
+            why = f": {texts}" if texts else "for an unknown reason"
             request.end("refused", f"refused ({request.refusal}){why}")
         elif request.is_in_progress:
-            request.end("silent", f"{name_of(request.command)} began, and its end was not reported")
+            request.end("silent", f"{name_of(request.command)} began, but its end was not reported")
         elif request.sent >= request.attempts:
             tries = "once" if request.sent == 1 else f"{request.sent} times"
             request.end("silent", f"no answer to {name_of(request.command)}, sent {tries}")
@@ -308,7 +308,9 @@ class Modes:
             return "no mode is requested"
         name = self._profile.mode_name(self._profile.modes[self.wanted])
         refusal = self._asking.refusal if self._asking is not None else ""
-        return f"it won't go from {self.reported} to {name}" + (f": {refusal}" if refusal else "")
+        return f"it does not change from {self.reported} to {name}" + (
+            f": {refusal}" if refusal else ""
+        )
 
     def _want(self, name: str | None) -> None:
         self.wanted, self.was_in_force = name, False

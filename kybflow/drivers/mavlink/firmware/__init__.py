@@ -100,7 +100,7 @@ class Danger(NamedTuple):
     def of(self, found: float, own: int) -> str | None:
         """Return the preflight's text about the value found; None if it is not dangerous."""
         if not isfinite(found):
-            return f"{self.name} is {found:g}, which is no value; set {self.cure or own}"
+            return f"{self.name} is {found:g}, which is not a valid value; set {self.cure or own}"
         said, cure = self.values.get(round(found)), self.cure
         if self.above is not None and found > self.above + 1e-6:
             said = self.excess

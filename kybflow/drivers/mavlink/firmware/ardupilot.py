@@ -63,12 +63,12 @@ INDOORS = (
     Needed("FS_GCS_ENABLE", 5, "it lands when our heartbeat stops"),
     Needed("FS_GCS_TIMEOUT", 2.0, "it notices within two seconds that our heartbeat stopped",
             rule="at_most"),
-    Needed("SYSID_MYGCS", OWN, "the heartbeat that it waits for is ours"),
+    Needed("SYSID_MYGCS", OWN, "it waits for kybflow's heartbeat"),
     Needed("FS_EKF_ACTION", 1, "it lands when it has lost its position in a mode that needs one",
             {3: "it lands when it has lost its position, in every mode"}),
     Needed("GUID_TIMEOUT", 0.5, "it stops within half a second when accelerations, velocities or"
-            " attitudes stop; a position alone it holds", rule="at_most"),
-    Needed("GUID_OPTIONS", 8, "thrust is thrust, not a climb rate", rule="bits"),
+            " attitudes stop; it holds a position setpoint", rule="at_most"),
+    Needed("GUID_OPTIONS", 8, "thrust values are thrusts, not climb rates", rule="bits"),
 )  # fmt: skip
 
 RENAMED = MappingProxyType({"GPS_TYPE": "GPS1_TYPE", "SYSID_MYGCS": "MAV_GCS_SYSID"})
@@ -82,7 +82,7 @@ _EARLY_END = MappingProxyType({5: f"on a low battery {_FALLS}"})
 DANGERS = (
     Danger(
         "FS_GCS_ENABLE",
-        {0: "without our heartbeat nothing would happen, a position setpoint is held for ever"},
+        {0: "without our heartbeat it would hold the last position setpoint for ever"},
         "5 (land)",
     ),
     Danger(
@@ -93,21 +93,20 @@ DANGERS = (
     ),
     Danger(
         "FS_GCS_TIMEOUT", cure="2", above=5.0,
-        excess="for so many seconds it would fly on without our heartbeat",
+        excess="it would fly on this long without our heartbeat",
     ),
-    Danger("SYSID_MYGCS", others="it waits for another program's heartbeat, not for ours"),
+    Danger("SYSID_MYGCS", others="it waits for another program's heartbeat, not for kybflow's"),
     Danger(
         "FS_EKF_ACTION",
         {
             0: "without a position it would fly on",
-            2: "without a position it would take its climb from a throttle stick, and fall where"
-            " there is none",
+            2: "without a position it would follow a throttle stick, and fall without one",
         },
         "1 (land)",
     ),
     Danger(
         "GUID_TIMEOUT", cure="0.5", above=3.0,
-        excess="for so many seconds it would fly on with the last velocity or acceleration",
+        excess="it would fly on this long with the last velocity or acceleration",
     ),
     Danger("BATT_FS_LOW_ACT", _EARLY_END, "1 (land)"),
     Danger("BATT_FS_CRT_ACT", _EARLY_END, "1 (land)"),

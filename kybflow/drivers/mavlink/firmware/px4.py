@@ -45,13 +45,13 @@ sets."""
 
 INDOORS = (
     Needed("EKF2_EV_CTRL", 15, "takes position, height, velocity and heading from kybflow"),
-    Needed("EKF2_EVP_NOISE", 0.01, "trusts a position to a centimetre", rule="at_most"),
-    Needed("EKF2_EVV_NOISE", 0.05, "trusts a velocity to 5 cm/s", rule="at_most"),
-    Needed("EKF2_EVA_NOISE", 0.03, "trusts a heading to 2 degrees", rule="at_most"),
+    Needed("EKF2_EVP_NOISE", 0.01, "standard deviation of a position", rule="at_most"),
+    Needed("EKF2_EVV_NOISE", 0.05, "standard deviation of a velocity", rule="at_most"),
+    Needed("EKF2_EVA_NOISE", 0.03, "standard deviation of a heading", rule="at_most"),
     Needed("EKF2_HGT_REF", 3, "heights are those of kybflow's world", restart=True),
     Needed("EKF2_GPS_CTRL", 0, "no GPS indoors"),
     Needed("EKF2_MAG_TYPE", 5, "no compass among steel and currents", restart=True),
-    Needed("EKF2_RNG_CTRL", 0, "a range finder would take the height over, 0.3 m off"),
+    Needed("EKF2_RNG_CTRL", 0, "a range finder would shift the height by 0.3 m"),
     Needed("EKF2_BARO_CTRL", 1, "without vision the barometer must still detect a landing"),
     Needed("SYS_HAS_GPS", 0, "it would not arm without one", restart=True),
     Needed("SYS_HAS_MAG", 0, "it would not arm without one", restart=True),
@@ -59,19 +59,19 @@ INDOORS = (
             {2: "it may be armed without GPS, without a warning"}),
     Needed("COM_OBL_RC_ACT", 4, "it lands when setpoints stop",
             {5: "it holds where it is when setpoints stop, and lands when it has no position"}),
-    Needed("COM_OF_LOSS_T", 0.5, "it notices within half a second that they stopped, and goes on"
-            " with the last one no longer", rule="at_most"),
+    Needed("COM_OF_LOSS_T", 0.5, "it stops using the last setpoint within half a second",
+            rule="at_most"),
     Needed("COM_RCL_EXCEPT", 4, "it follows setpoints without a transmitter", rule="bits"),
     Needed("NAV_RCL_ACT", 3, "it lands when a transmitter is lost in another mode",
             {1: "it holds where it is when a transmitter is lost in another mode"}),
     Needed("COM_LOW_BAT_ACT", 2, "it lands where it is on a critical battery",
             {0: "it only warns of a critical battery: only kybflow lands it"}),
-    Needed("EKF2_ACC_NOISE", 1.0, "the simulated accelerometer is as noisy", simulator_only=True),
-    Needed("EKF2_GYR_NOISE", 0.03, "the simulated gyroscope is noisy too", simulator_only=True),
-    Needed("SIH_KDV", 0.25, "a drag as airframes of kybflow's library have it, not four times as "
-            "much", simulator_only=True),
-    Needed("EKF2_TAU_POS", 0.1, "so its output follows the poses sooner", simulator_only=True),
-    Needed("EKF2_TAU_VEL", 0.1, "and its velocity too", simulator_only=True),
+    Needed("EKF2_ACC_NOISE", 1.0, "noise of the simulated accelerometer", simulator_only=True),
+    Needed("EKF2_GYR_NOISE", 0.03, "noise of the simulated gyroscope", simulator_only=True),
+    Needed("SIH_KDV", 0.25, "drag of the airframes in kybflow's library, a quarter of the default",
+            simulator_only=True),
+    Needed("EKF2_TAU_POS", 0.1, "its output follows the poses sooner", simulator_only=True),
+    Needed("EKF2_TAU_VEL", 0.1, "its velocity follows them sooner", simulator_only=True),
     Needed("SENS_EN_GPSSIM", 0, "no GPS in the simulator either",
             simulator_only=True, restart=True),
     Needed("SENS_EN_MAGSIM", 0, "no compass in the simulator either",
@@ -84,7 +84,7 @@ _GIVEN_UP = {
     " return"
     for value, mode in ((0, "POSITION"), (1, "ALTITUDE"), (2, "STABILIZED"))
 }
-_NO_HEARTBEAT = "3 (land), or 0 (nothing: lost setpoints count)"
+_NO_HEARTBEAT = "3 (land), or 0 (nothing; the loss of setpoints then acts)"
 DANGERS = (
     Danger(
         "COM_OBL_RC_ACT",
@@ -94,7 +94,7 @@ DANGERS = (
     Danger("COM_OBL_RC_ACT", {3: f"without setpoints {_CLIMBS}"}, "4 (land)", indoors=True),
     Danger(
         "COM_OF_LOSS_T", cure="0.5", above=1.0,
-        excess="for so many seconds it would fly on without setpoints",
+        excess="it would fly on this long without setpoints",
     ),
     Danger("NAV_DLL_ACT", dict.fromkeys((5, 6), f"without our heartbeat {_FALLS}"), _NO_HEARTBEAT),
     Danger("NAV_DLL_ACT", {2: f"without our heartbeat {_CLIMBS}"}, _NO_HEARTBEAT, indoors=True),

@@ -7,9 +7,9 @@ so an acceleration is only sent with a velocity, or by itself. Without yaw and y
 turns in the direction of flight, so at least one of them is always sent. Both autopilots accept yaw
 with a yaw rate, which they feed forward.
 
-SET_ATTITUDE_TARGET: if rates are given with an attitude, PX4 takes them for a second, competing
+SET_ATTITUDE_TARGET: if rates are given with an attitude, PX4 treats them as a second, competing
 setpoint, and ArduPilot takes all three or none; so with an attitude all three are ignored.
-ArduPilot takes `thrust` for a climb rate unless GUID_OPTIONS has bit 3, and raises the thrust by
+ArduPilot treats `thrust` as a climb rate unless GUID_OPTIONS has bit 3, and raises the thrust by
 the commanded tilt.
 
 ODOMETRY: ArduPilot accepts only the frame LOCAL_FRD with the child frame BODY_FRD; PX4 accepts them
@@ -108,8 +108,8 @@ def command_long(target: tuple[int, int], command: int, *params: float, again: i
 
 def vision(estimate: Estimate, *, stamp_us: int, resets: int) -> Message:
     """Return an ODOMETRY message of kybflow's estimate; kybflow's world becomes the autopilot's own
-    frame. stamp_us: when the estimate was true, in the vehicle's time, us. resets: how often it has
-    jumped."""
+    frame. stamp_us: the time of the estimate by the vehicle's clock, us. resets: how often the
+    estimate has jumped."""
     body = conjugate(estimate.attitude)
     return ODOMETRY.of(
         stamp_us, *to_ned(estimate.position), *attitude_to_ned(estimate.attitude),

@@ -92,7 +92,7 @@ def read_key(path: Path) -> bytes:
     if not text.isprintable():  # 32 random bytes practically never are text
         if len(data) != KEY_BYTES:
             raise DriverError(
-                f"`{path}` has {len(data)} bytes, which are no text: a key is {KEY_BYTES} bytes,"
+                f"`{path}` has {len(data)} bytes, which are not text: a key is {KEY_BYTES} bytes,"
                 f" {2 * KEY_BYTES} hexadecimal digits or a passphrase"
             )
         return data

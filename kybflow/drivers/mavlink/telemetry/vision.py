@@ -6,8 +6,8 @@ at once and doesn't mistake the jump for motion.
 
 An autopilot's filter does not follow the poses exactly, so its frame drifts by centimetres against
 the world. Setpoints are shifted by that drift, which is learnt with the time constant
-`DRIFT_TIME_S`: the vehicle then hovers where the mission's estimate has it, while the fast part of
-the motion, which the autopilot's filter knows better, is left to that filter."""
+`DRIFT_TIME_S`: the vehicle then hovers at the position of the mission's estimate, while the fast
+part of the motion, which the autopilot's filter knows better, is left to that filter."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class ExternalVision:
 DRIFT_TIME_S = 1.0
 """The time constant with which the drift is learnt, seconds."""
 MAX_DRIFT = 0.5
-"""A greater distance, metres, is no drift; the preflight or a supervisor reports it."""
+"""A greater distance, metres, is not drift; the preflight or a supervisor reports it."""
 OLDEST_OWN: Time = NS // 2
 """A position of the autopilot that is older is ignored. It also bounds how much is learnt after a
 longer gap, so that setpoints don't jump."""

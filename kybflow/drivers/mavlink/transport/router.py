@@ -130,8 +130,8 @@ class Port:
         if self._clash is not None and self._line.now - self._clash[0] < ADDRESS_TIMEOUT_NS:
             return (
                 f"system {self.system} is heard at {self._line.wire.address} from"
-                f" {_words(self._place)} and from {_words(self._clash[1])}: give one of the two"
-                " vehicles another system id"
+                f" {_words(self._place)} and from {_words(self._clash[1])}: give one of them "
+                "another system id"
             )
         return self._line.silence(self.system) if self.last_heard is None else None
 
@@ -252,7 +252,7 @@ class _Line:
         """Return why no message of that system may have arrived."""
         place, counts = self.wire.address, self.counts
         if counts.stale and not counts.messages:
-            return f"what is heard at {place} is signed with an old time, and stays so"
+            return f"what is heard at {place} is signed with an old time, again and again"
         if others := sorted(self.autopilots - {system}):
             names = ", ".join(str(other) for other in others)
             verb = f"system {names} is" if len(others) == 1 else f"systems {names} are"
@@ -263,7 +263,7 @@ class _Line:
             return f"no autopilot is heard at {place}, only other devices"
         if counts.bad:
             question = ": is the baud rate right?" if place.startswith("serial:") else ""
-            return f"what is heard at {place} is no MAVLink{question}"
+            return f"what is heard at {place} is not MAVLink{question}"
         return f"nothing is heard at {place}"
 
     def _new_parser(self, place: Any) -> Parser:

@@ -369,9 +369,9 @@ class SerialLine(ReopeningWire):
 
     _ways_out: ClassVar[Mapping[int, str]] = {
         ENOENT: "there is no such device: is it plugged in?",
-        EACCES: "no permission: join the group that owns it, as `dialout`, and log in again",
-        EAGAIN: "another program has it: close it",
-        EBUSY: "another program has it: close it",
+        EACCES: "no permission: join the group that owns it, such as `dialout`, and log in again",
+        EAGAIN: "another program is using it: close that program",
+        EBUSY: "another program is using it: close that program",
     }
 
     def __init__(self, address: Address) -> None:

@@ -61,9 +61,8 @@ class Wire(ABC):
 class MemoryWire(Wire):
     """One end of a pair within this process: bytes arrive at the other end in order, at once.
 
-    deaf, mute: set by injected faults; what arrives, or what is sent, is lost.
-    late: the delay of bytes to this end, nanoseconds, set by a fault. When it returns to zero,
-    delayed bytes are lost."""
+    deaf, mute: set by injected faults; received or sent data are lost. late: the delay of bytes to
+    this end, nanoseconds, set by a fault. When it returns to zero, delayed bytes are lost."""
 
     other: MemoryWire
     late: Time = 0
@@ -118,7 +117,7 @@ _FORMS = (
 
 
 _QUESTIONS = {
-    "udpin": "does the autopilot send to that port, and does no other program take it?",
+    "udpin": "does the autopilot send to that port, and is no other program listening on it?",
     "udpout": "does an autopilot listen there?",
     "tcp": "does an autopilot listen there, and is no other program connected?",
     "tcpin": "does the autopilot connect there?",
@@ -145,7 +144,7 @@ def read_address(text: str) -> Address:
         device, _, baud = rest.rpartition(":")  # a device may have colons in its name
         if not device or not re.fullmatch(r"\d{3,8}", baud):
             raise DriverError(
-                f"`{text}` is no serial line: write `serial:DEVICE:BAUD`, as in"
+                f"`{text}` is not a serial line: write `serial:DEVICE:BAUD`, as in"
                 " `serial:/dev/ttyUSB0:57600`"
             )
         return Address("serial", device, int(baud))
@@ -155,13 +154,13 @@ def read_address(text: str) -> Address:
             f" send, or `udpout:{rest}` to send first"
         )
     if kind not in KINDS:
-        raise DriverError(f"`{text}` is no MAVLink address: {_FORMS}")
+        raise DriverError(f"`{text}` is not a MAVLink address: {_FORMS}")
     match = _PLACE.fullmatch(rest)
     if match is None:
-        raise DriverError(f"`{text}` is no MAVLink address: write `{kind}:HOST:PORT`")
+        raise DriverError(f"`{text}` is not a MAVLink address: write `{kind}:HOST:PORT`")
     host, port = match[1], int(match[2])
     if host is None and kind in CALLING:
-        raise DriverError(f"`{text}` says no host: write `{kind}:HOST:{port}`")
+        raise DriverError(f"`{text}` has no host: write `{kind}:HOST:{port}`")
     if not 0 < port < 65536:
         raise DriverError(f"`{text}` has port {port}: ports go from 1 to 65535")
     return Address(kind, host or LOOPBACK, port)

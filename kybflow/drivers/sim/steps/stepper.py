@@ -97,7 +97,7 @@ def stepper(model: Any, data: Any, onboard: OnboardState, sources: Sequence[ImuS
     except FAILURES as error:
         reason = described(error)
         warnings.warn(
-            f"Numba can't compile the physics steps: {reason}; Python makes them", stacklevel=2
+            f"Numba can't compile the physics steps: {reason}; Python computes them", stacklevel=2
         )
         return Stepper(model, data, onboard, sources)
 

@@ -1,4 +1,4 @@
-"""Fly in formation: each member keeps its distances to the others, which publish where they are.
+"""Fly in formation: each member keeps its distances to the others, which publish their positions.
 
 The members of the group that run this behavior meet first: each comes to rest and publishes its
 position. When all are there, each computes from the same messages how the shape is laid out and who
@@ -85,7 +85,7 @@ _IN_PLACE = 0.01
 """Distance (m) from its place, one tick ahead, at which a point counts as being there."""
 _UNSETTLED_FACTOR = 2.0
 """Multiple of `tolerance` by which a settled member may be off before it is unsettled."""
-_ROOM = "room: a place is at the fence, the ground or something in its way"
+_ROOM = "room: a place is at the fence, the ground or an obstacle"
 _STANDING_SPEED, _STANDING_NS = 0.01, NS
 """The speed (m/s) up to which a frame that should move counts as standing, and the time after which
 that is reported."""
@@ -93,69 +93,74 @@ that is reported."""
 
 @params
 class FormationParams(FormationRoomParams):
-    members: str = param("The group that flies it.", names="group", read_only=True)
+    members: str = param("The group that flies the formation.", names="group", read_only=True)
     shape: Literal["line", "square", "triangle", "tetrahedron"] = param(
-        "Where its places lie.", default="line", read_only=True
+        "Shape of the formation.", default="line", read_only=True
     )
     side: Length = param(
-        "Distance of places that are next to each other.", default=1.0, above=0.0, read_only=True
+        "Distance between neighbouring places.", default=1.0, above=0.0, read_only=True
     )
     points: Path | None = param(
-        "Its places, instead of a shape's: forward, to the left and up from its centre.",
+        "Places instead of a shape: forward, to the left and up from the centre.",
         default=None, read_only=True,
     )  # fmt: skip
     center: Position | None = param(
-        "Where its centre is at first; without it, amid the members.", default=None, read_only=True
+        "Initial position of the centre; by default the mean position of the members.",
+        default=None,
+        read_only=True,
     )
     turned: Angle | None = param(
-        "How the shape is turned, counter-clockwise from the mean of the members' headings; without"
-        " it, as its places are nearest.",
+        "Rotation of the shape, counter-clockwise from the mean heading of the members; by "
+        "default the one with the nearest places.",
         default=None, read_only=True,
     )  # fmt: skip
     input: str | None = param(
-        "The input that moves it.", default=None, names="input", read_only=True
+        "The input that moves the formation.", default=None, names="input", read_only=True
     )
     path: Path | None = param(
-        "The corners along which its centre moves, and done at the last.",
+        "The corners of the centre's path; the behavior is done at the last one.",
         default=None, read_only=True,
     )  # fmt: skip
     leader: str | None = param(
-        "A vehicle, no member, that its centre moves and turns with.",
+        "A vehicle, not a member, with which the centre moves and turns.",
         default=None, names="vehicle", read_only=True,
     )  # fmt: skip
     offset: Position = param(
-        "Its centre, seen from the leader: forward, to the left, up.",
+        "Position of the centre relative to the leader: forward, to the left, up.",
         default=ZERO, read_only=True,
     )  # fmt: skip
     heading: Angle | None = param(
-        "Heading that it turns to along its path; without it, it keeps its own.",
+        "Heading on the path; by default the formation keeps its own.",
         default=None, read_only=True,
     )  # fmt: skip
     frame: Literal["heading", "world"] = param(
-        "Where `x` and `y` of the input point: in the formation's heading, or east and north.",
+        "Frame of the input's `x` and `y`: the formation's heading, or east and north.",
         default="heading", read_only=True,
     )  # fmt: skip
-    speed: Speed = param("Largest level speed.", default=0.5, above=0.0)
+    speed: Speed = param("Largest horizontal speed.", default=0.5, above=0.0)
     climb: Speed = param("Largest vertical speed.", default=0.3, above=0.0)
     turn_rate: AngularRate = param("Largest rate of turning.", default=50 * pi / 180, above=0.0)
     acceleration: Acceleration = param("Largest acceleration.", default=0.7, above=0.0)
     tolerance: Length = param(
-        "Mean error of a member's distances to its nearest eight up to which it is settled.",
+        "Largest mean error of a settled member's distances to its nearest eight.",
         default=0.05, above=0.0,
     )  # fmt: skip
     delay: Duration = param(
-        "Least age of what members hear, to simulate a radio.",
+        "Smallest age of the members' messages, to simulate a radio.",
         default=0.0, at_least=0.0, below=0.4, read_only=True, limited_by="freshness",
     )  # fmt: skip
     freshness: Duration = param(
-        "Age of the news from which a member is silent.", default=0.3, above=0.0, at_most=5.0
+        "Age of the newest message above which a member counts as silent.",
+        default=0.3,
+        above=0.0,
+        at_most=5.0,
     )
     doubt: Length = param(
-        "Distance of a member from where it is to be for which the others stop.",
+        "Distance of a member from its place at which the others stop.",
         default=0.5, above=0.0, room="across",
     )  # fmt: skip
     patience: Duration = param(
-        "How long it waits for members that have not come, for a lost input and a lost leader.",
+        "Time to wait for missing members, a lost input or a lost leader.",
         default=5.0, at_least=0.0,
     )  # fmt: skip
 
@@ -411,7 +416,7 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
             return
         wrong = None if params.points else places.objection(params.shape, len(team))
         if wrong is not None:
-            hint = "choose another shape, or write `points` of your own"
+            hint = "choose another shape, or write your own `points`"
             yield Objection("shape", f"doesn't fit `{params.members}`: {wrong}", hint)
             return
         shape = _shape(params, len(team))
@@ -424,19 +429,19 @@ class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind
         if apart <= widest:
             parameter = "points" if params.points else "side"
             reason = f"puts two places {apart:.3g} m apart, and a vehicle is {widest:.3g} m wide"
-            yield Objection(parameter, reason, "leave more between them")
+            yield Objection(parameter, reason, "increase the distance")
         yield from cls._doubts(params, context)
         if params.leader is not None and params.leader in team:
-            yield Objection("leader", "is a member", "lead by a vehicle that is none")
+            yield Objection("leader", "is a member", "name a vehicle that is not a member")
         drives = [k for k in ("input", "path", "leader") if getattr(params, k) is not None]
         if len(drives) > 1:
-            yield Objection(drives[1], f"can't move it beside `{drives[0]}`", "write one of them")
+            yield Objection(drives[1], f"can't be combined with `{drives[0]}`", "write one of them")
 
     @classmethod
     def _doubts(cls, params: FormationParams, context: VehicleContext) -> Iterator[Objection]:
         unheard = params.speed * params.freshness
         if unheard > params.doubt:
-            reason = f"lets a member that falls silent stray {unheard:.3g} m, more than `doubt`"
+            reason = f"allows a silent member to stray {unheard:.3g} m, more than `doubt`"
             hint = f"write at most {params.doubt / params.speed:.2g} s, or a larger `doubt`"
             yield Objection("freshness", reason, hint, is_doubt=True)
         yield from within_the_rotors(params, context)

@@ -27,15 +27,15 @@ class FormationRoomParams:
     """The distances that are kept."""
 
     margin: Length = param(
-        "Kept from the fence by every place.",
+        "Distance of every place from the fence.",
         default=0.3, at_least=0.0, tightens="up", room="across",
     )  # fmt: skip
     clearance: Length = param(
-        "Kept between hubs and obstacles, and other vehicles, by every place.",
+        "Distance of every place from obstacles and other vehicles, measured from the hub.",
         default=0.3, above=0.0, tightens="up", room="across",
     )  # fmt: skip
     lowest: Length = param(
-        "Least height above the ground of the start.", default=0.4, above=0.0, tightens="up"
+        "Smallest height above the ground of the start.", default=0.4, above=0.0, tightens="up"
     )
 
 
