@@ -47,14 +47,19 @@ _TYPED = str.maketrans(
     dict.fromkeys("\u2212\u2010\u2011\u2012\u2013\u2014", "-")
     | dict.fromkeys("\u201c\u201d\u201e\u00ab\u00bb", '"')
     | dict.fromkeys("\u2018\u2019\u201a", "'")
+    | {"\u066b": "."}
 )
-"""Maps minus signs, dashes and quotes of word processors to those of a keyboard."""
+"""Maps minus signs, dashes and quotes of word processors, and the Arabic decimal separator, to
+characters of a keyboard."""
 
 
 def as_typed(text: str) -> str:
-    """Return `text` with the characters of word processors and full-width keyboards replaced by
-    plain ones: minus signs, dashes, quotes, colons, commas, digits and spaces."""
-    return text if text.isascii() else unicodedata.normalize("NFKC", text.translate(_TYPED))
+    """Return `text` with the characters of word processors, full-width keyboards and other scripts
+    replaced by plain ones: minus signs, dashes, quotes, colons, commas, digits and spaces."""
+    if text.isascii():
+        return text
+    plain = unicodedata.normalize("NFKC", text.translate(_TYPED))
+    return "".join(str(unicodedata.decimal(c)) if c.isdecimal() else c for c in plain)
 
 
 INDENT = "  "

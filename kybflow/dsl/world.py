@@ -108,7 +108,7 @@ class PointCloudParams(Record):
     """A scan: a ball around each point."""
 
     file: File = key(
-        "Its points: PLY (ASCII or binary), a table with x, y and z, or three numbers a line.",
+        "Its points: PLY or PCD (ASCII, binary), a table with x, y and z, or three numbers a line.",
         reads=read_points, binary=True,
     )  # fmt: skip
     radius: Length = key(

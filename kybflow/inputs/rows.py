@@ -20,8 +20,10 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import NamedTuple
 
-from kybflow.core.errors import FileError
+from kybflow.core.errors import FileError, UnitError
+from kybflow.core.files import cells_of
 from kybflow.core.signals import NS, Time
+from kybflow.core.units import parse_number
 
 TIME, BUTTONS, LOST = "t", "buttons", "lost"
 _LIKE = "t, x, y, z, turn, buttons"
@@ -63,11 +65,7 @@ def line(row: InputRow, axes: tuple[str, ...]) -> str:
 
 def parse(text: str) -> InputRows:
     """Return the rows of a table. Raises FileError, which names the line."""
-    lines = (
-        (number, [cell.strip() for cell in words.split(",")])
-        for number, words in enumerate(text.splitlines(), 1)
-    )
-    filled = ((number, cells) for number, cells in lines if any(cells))
+    filled = ((number, cells) for number, cells in cells_of(text) if any(cells))
     number, columns = next(filled, (1, []))
     axes = _axes(columns, number)
     rows: list[InputRow] = []
@@ -113,6 +111,7 @@ def _row(cells: Mapping[str, str], axes: tuple[str, ...], number: int) -> InputR
 
 def _number(cell: str, column: str, number: int) -> float:
     try:
-        return float(cell)
-    except ValueError:
-        raise FileError(f"`{column}` must be a number, not `{cell[:40]}`", number) from None
+        return parse_number(cell)
+    except UnitError as error:
+        message = f"`{column}` must be a number, not `{cell[:40]}`"
+        raise FileError(message, number, error.hint) from None

@@ -11,7 +11,9 @@ from typer import Argument, BadParameter, Exit, Option
 
 from kybflow.cli.arguments import Out, Seed, Sets, Target, compiled, refusing, repeated, wrong
 from kybflow.cli.output import echo
+from kybflow.core.errors import UnitError
 from kybflow.core.geometry import Vec3
+from kybflow.core.units import parse_number
 
 
 class StillBody(NamedTuple):
@@ -25,8 +27,8 @@ def still_body(text: str) -> StillBody:
     """Parse `NAME=X,Y,Z`."""
     name, _, numbers = text.rpartition("=")
     try:
-        x, y, z = map(float, numbers.split(","))
-    except ValueError:
+        x, y, z = map(parse_number, numbers.split(","))
+    except (UnitError, ValueError):
         x = y = z = float("nan")
     if not name.strip() or not all(map(isfinite, (x, y, z))):
         raise BadParameter(f"`{text}` is not NAME=X,Y,Z")

@@ -26,9 +26,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from kybflow.core.errors import CommandUnreadable
+from kybflow.core.errors import CommandUnreadable, UnitError
 from kybflow.core.signals import PlannedPoint
 from kybflow.core.text import did_you_mean
+from kybflow.core.units import parse_number
 from kybflow.dsl.plan import Emit, Enable, EnterPhase, Perform, SetOption, Stop, Switch
 
 PREFIX = "operator."
@@ -193,14 +194,14 @@ def _track(rest: list[str]) -> TrackOrder | None:
     known: dict[str, Any] = {}
     try:
         for name, value in zip(names, written, strict=True):
-            numbers = [float(number) for number in value.strip().strip("[]").split(",")]
+            numbers = [parse_number(number) for number in value.strip().strip("[]").split(",")]
             if name in ("time", "heading"):
                 (known[name],) = numbers
             else:
                 x, y, z = numbers
                 known[name] = (x, y, z)
         return TrackOrder(rest[0], PlannedPoint(**known))
-    except (ValueError, TypeError):  # too few or too many numbers, or an unknown name
+    except (UnitError, ValueError, TypeError):  # too few or too many numbers, or an unknown name
         return None
 
 
