@@ -62,6 +62,34 @@ def as_typed(text: str) -> str:
     return "".join(str(unicodedata.decimal(c)) if c.isdecimal() else c for c in plain)
 
 
+_OPENING, _CLOSING = (
+    "\u201c\u201d\u201e\u00ab\u00bb\u2018\u2019\u201a",
+    "\u201d\u201c\u00bb\u00ab\u2019\u2018",
+)
+
+
+def in_typographic_quotes(text: str) -> bool:
+    """Return whether `text` is in the quotes of a word processor."""
+    return len(text) > 1 and text[0] in _OPENING and text[-1] in _CLOSING
+
+
+def unseen(text: str) -> int | None:
+    """Return the index of the first character of `text` that can't be seen and isn't a plain space,
+    or that reverses the direction of writing; None if there is none."""
+    if text.isascii():
+        return None
+    kinds = ("Cf", "Cc", "Zs", "Zl", "Zp")
+    strange = (i for i, c in enumerate(text) if c > "~" and unicodedata.category(c) in kinds)
+    return next(strange, None)
+
+
+def character_name(character: str) -> str:
+    """Return the name of a character, such as `a no-break space (U+00A0)`."""
+    name = unicodedata.name(character, "a character without a name").lower()
+    indefinite = "" if name.startswith("a ") else "an " if name[0] in "aeiou" else "a "
+    return f"{indefinite}{name} (U+{ord(character):04X})"
+
+
 INDENT = "  "
 
 

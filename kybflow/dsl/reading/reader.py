@@ -39,8 +39,9 @@ from kybflow.dsl.reading.nodes import (
     Scalar,
     Sequence,
     is_cut,
+    items_of,
 )
-from kybflow.dsl.reading.yaml_errors import CLOSE, not_yaml, without_colon
+from kybflow.dsl.reading.yaml_errors import CLOSE, not_yaml, strange_characters, without_colon
 
 CODES = {
     "KYB001": "The file can't be opened or is no regular file.",
@@ -62,6 +63,8 @@ MAX_DEPTH = 40
 LONG = "a long path belongs in a table of its own, which `do: follow_trajectory` flies"
 """The hint for a file that is too large."""
 _SHOWN_LETTERS = 60
+_TABS = re.compile(r"^ *\t[ \t]*(?=#|\r?$)", re.MULTILINE)
+"""Tabs before a comment or in an empty line, which are YAML, but which its C parser refuses."""
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -71,13 +74,19 @@ class _Unreadable(Exception):
 
 def compose(text: str, file: str, found: Findings) -> Node | None:
     """Return the node tree of `text`, or None if it can't be composed; report what is wrong."""
+    own, root = Findings(), None
     try:
-        return _Composer(text, file, found).document(_Loader(text))
+        root = _Composer(text, file, own).document(_Loader(text))
     except _Unreadable:
-        return None
+        pass  # the reason is reported
     except (yaml.YAMLError, UnicodeError) as error:
-        found.add(not_yaml(error, text, file))
-        return None
+        spaced = _TABS.sub(lambda tabs: " " * len(tabs[0]), text)
+        if spaced != text:
+            return compose(spaced, file, found)
+        stopped = not_yaml(error, text, file)
+        own.add(() if any(d.span == stopped.span for d in own.all) else stopped)
+    found.add(own.all)
+    return root
 
 
 class _Composer:
@@ -89,6 +98,7 @@ class _Composer:
         self._anchors: dict[str, Node | None] = {}
         self._sizes: dict[str, int] = {}
         self._total = 0
+        self._is_ascii = text.isascii()
 
     @functools.cached_property
     def _lines(self) -> list[str]:
@@ -210,6 +220,11 @@ class _Composer:
             self._found.report("KYB007", message, again, "again", (f"first at {first.at}",))
             self._found.report("KYB007", message, first, "first", (f"again at {again.at}",))
         else:
+            if not self._is_ascii:
+                strange_characters(key, self._found)
+                for item in items_of(value) or (value,):
+                    if isinstance(item, Scalar):
+                        strange_characters(item, self._found, key.text)
             entries[key.text] = MappingEntry(key, value)
 
     def _stopped(self, code: str, message: str, event: Any, help: str = "") -> _Unreadable:

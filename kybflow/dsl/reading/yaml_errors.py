@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from kybflow.core.text import as_typed
+from kybflow.core.text import as_typed, character_name, in_typographic_quotes, unseen
 from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
 from kybflow.dsl.reading.nodes import (
     NAME_A_POINT,
@@ -26,6 +26,7 @@ from kybflow.dsl.reading.nodes import (
 CODES = {
     "KYB004": "The file is not YAML.",
     "KYB014": "A key without a colon: a decimal comma, a comma in a text or a forgotten colon.",
+    "KYB016": "A character of a word processor, or one that can't be seen, where YAML has another.",
 }
 _SPECIAL = {"*": "an alias", "&": "an anchor", "!": "a tag", "%": "a directive"}
 _OPEN = {
@@ -46,6 +47,7 @@ _SHOWN_LETTERS = 60
 CONDITIONS = frozenset({"when", "healthy"})
 """The keys whose values are conditions."""
 _TEXTS = frozenset({"log", "stop", "summary", "help"})
+"""The keys whose values are texts for people."""
 _COMPARED = re.compile(r"[<>=]|\w in \w")
 _JOINED = re.compile(r"([A-Za-z_]\w*):(\S.*)\Z", re.ASCII | re.DOTALL)
 """A key and its value without a space after the colon, which YAML reads as one word."""
@@ -122,6 +124,9 @@ def not_yaml(error: Exception, text: str, file: str) -> Diagnostic:
     problem = getattr(error, "problem", None) or "it can't be understood"
     start = None if began is None else (began.line, began.column)
     stop = _Stop(file, text.splitlines(), mark.line, mark.column, start)
+    for row in (stop.row, _above(stop.lines, stop.row)):
+        if row is not None and (strange := _strange_indent(file, stop.lines, row)):
+            return strange
     at_fault = stop.line[: _indent(stop.line)] + stop.character
     if problem == _TOO_DEEP:
         return replace(stop.finding("nested deeper than a mission needs", CLOSE), code="KYB011")
@@ -134,6 +139,44 @@ def not_yaml(error: Exception, text: str, file: str) -> Diagnostic:
         notes = (context,) if context else ()
         return replace(stop.finding(f"this is not YAML: {problem}", ""), notes=notes)
     return explained
+
+
+_INDENT = "indent with spaces of the keyboard"
+
+
+def _strange_indent(file: str, lines: list[str], row: int) -> Diagnostic | None:
+    """Return KYB016 if a line is indented with another character than spaces and tabs."""
+    line = lines[row] if row < len(lines) else ""
+    at = unseen(line)
+    if at is None or line[:at].strip():
+        return None
+    span = Span(file, row + 1, at + 1, row + 1, at + 2)
+    message = f"{character_name(line[at])} indents this line"
+    return Diagnostic("KYB016", message, span, help=_INDENT)
+
+
+def strange_characters(node: Scalar, found: Findings, key: str = "") -> None:
+    """Report a key or value without quotes that contains a character that can't be seen, or is in
+    the quotes of a word processor. key: the key of a value. Texts for people are left alone."""
+    text, span = node.text, node.span
+    if text.isascii() or node.quoted or key in _TEXTS:
+        return
+    at = unseen(text)
+    if in_typographic_quotes(text):
+        message, at = f"`{text[0]}` is no quote of YAML and would belong to the text", 0
+        hint = f'write `"{text[1:-1][:_SHOWN_LETTERS]}"`'
+    elif at is not None and not (key and text.strip() == text and text[at].isspace()):
+        rest = (text[:at] + text[at + 1 :]).strip()[:_SHOWN_LETTERS]
+        where = "before" if at == 0 else "behind" if at == len(text) - 1 else "in"
+        message, hint = f"{character_name(text[at])} is {where} `{rest}`", f"write `{rest}`"
+        if at == 0 and text[0].isspace():
+            hint = _INDENT
+    else:
+        return
+    if span.line == span.end_line:
+        column = span.column + at
+        span = span._replace(column=column, end_column=column + 1)
+    found.report("KYB016", message, span, help=hint)
 
 
 def _colonless(stop: _Stop, row: int) -> Diagnostic:
