@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from kybflow.core.errors import KybflowError
+from kybflow.core.files import read_all
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.diagnostics import Findings, Span
@@ -143,7 +144,7 @@ def scaffold(name: str, origin: str, folder: Path) -> tuple[Path, ...]:
         if file.suffix not in (".yaml", ".yml")
     }
     for file, text in list(wanted.items()):
-        if file.is_file() and file.read_text(encoding="utf-8", errors="replace") == text:
+        if file.is_file() and read_all(file) == text.encode():
             del wanted[file]
     wanted[path] = _rewritten(one, name)
     if not schema.exists():

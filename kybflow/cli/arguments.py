@@ -11,7 +11,7 @@ from typer import BadParameter, Exit, Option
 
 from kybflow.cli.output import echo
 from kybflow.core.errors import INVALID, KybflowError, UnitError
-from kybflow.core.files import write_whole
+from kybflow.core.files import read_all, write_whole
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION, Dimension, parse_quantity
 
@@ -172,9 +172,7 @@ def published(
     if write_to is not None:
         with writing(write_to, "--write"):
             write_whole(write_to, make().encode())
-    elif check is not None and not (
-        check.is_file() and check.read_text(encoding="utf-8") == make()
-    ):
+    elif check is not None and not (check.is_file() and read_all(check) == make().encode()):
         echo(f"{check} is out of date; update it: {command} --write {check}", err=True)
         raise Exit(INVALID)
     return write_to is not None or check is not None

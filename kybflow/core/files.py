@@ -1,5 +1,5 @@
 """The types of parameters that name a file, tables with units, the name of a run's control file,
-and atomic writing.
+reading of regular files, and atomic writing.
 
 A table is a file of values that are separated by commas, semicolons or tabs, all by what separates
 the header's. Its header names the columns in any order, each with its unit in brackets: `x [cm]`. A
@@ -11,17 +11,19 @@ line number.
 
 from __future__ import annotations
 
+import errno
 import os
 import re
+import stat
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 from kybflow.core.errors import FileError, UnitError
-from kybflow.core.units import Dimension, parse_number
+from kybflow.core.units import Dimension, finite_number, parse_number
 
 CONTROL = "control.json"
 """The file in a run's folder that holds the address at which the flying run accepts commands."""
@@ -64,6 +66,47 @@ class FilePath(str):
     path is relative to the YAML file that names it; the compiler checks that the file exists."""
 
     __slots__ = ()
+
+
+class NotRegular(OSError):
+    """A path leads to a folder, a pipe, a socket or a device."""
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """Open a file that a person named. A pipe or a device would block or never end, and is refused
+    without being waited for. Raises NotRegular, and any other OSError or ValueError of `open`."""
+    try:
+        stream = open(path, "rb", opener=_without_waiting)  # noqa: SIM115 - it is returned
+    except IsADirectoryError as error:
+        raise NotRegular(error.errno, _NOT_REGULAR, str(path)) from None
+    if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+        stream.close()
+        raise NotRegular(errno.EINVAL, _NOT_REGULAR, str(path))
+    return stream
+
+
+def read_regular(path: Path, most: int) -> bytes:
+    """Return the bytes of a file that a person named; of a larger file, one byte more than `most`.
+    Raises what `open_regular` raises."""
+    with open_regular(path) as stream:
+        return stream.read(most + 1)
+
+
+def read_all(path: Path) -> bytes:
+    """Return the bytes of a file that a person named, or that a program wrote for kybflow. Raises
+    OSError for a file that is not regular or above 256 MB."""
+    data = read_regular(path, _MOST_BYTES)
+    if len(data) > _MOST_BYTES:
+        raise OSError(errno.EFBIG, f"larger than {_MOST_BYTES >> 20} MB", str(path))
+    return data
+
+
+_NOT_REGULAR = "not a regular file"
+_MOST_BYTES = 256 << 20
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_NONBLOCK)
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -151,9 +194,9 @@ def cells_of(text: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def number_in(cell: str, line: int) -> float:
-    """Return the number in a cell. Raises FileError with the line number `line`."""
+    """Return the finite number in a cell. Raises FileError with the line number `line`."""
     try:
-        return parse_number(cell)
+        return finite_number(cell)
     except UnitError as error:
         raise FileError(str(error), line, error.hint) from None
 
@@ -212,8 +255,5 @@ def _row(
         if factor is None:
             words[name] = cell
             continue
-        value = number_in(cell, number)
-        if not isfinite(value):
-            raise FileError(f"`{cell}` is not finite", number)
-        numbers[name] = factor * value
+        numbers[name] = factor * number_in(cell, number)
     return number, numbers, words

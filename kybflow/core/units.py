@@ -214,6 +214,14 @@ def parse_number(text: str) -> float:
     raise UnitError(f"`{shown}` {flaw}", f"write `{point}`{with_point}")
 
 
+def finite_number(text: str) -> float:
+    """Parse a number as `parse_number` does, but not `nan` or `inf`. Raises UnitError."""
+    value = parse_number(text)
+    if not math.isfinite(value):
+        raise UnitError(f"`{text.strip()[:20]}` is not finite")
+    return value
+
+
 def is_quantity(text: str, dimension: Dimension) -> bool:
     """Return whether `text` is a quantity of `dimension`."""
     try:

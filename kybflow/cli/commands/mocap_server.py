@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from math import isfinite
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -13,7 +12,7 @@ from kybflow.cli.arguments import Out, Seed, Sets, Target, compiled, refusing, r
 from kybflow.cli.output import echo
 from kybflow.core.errors import UnitError
 from kybflow.core.geometry import Vec3
-from kybflow.core.units import parse_number
+from kybflow.core.units import finite_number
 
 
 class StillBody(NamedTuple):
@@ -27,10 +26,10 @@ def still_body(text: str) -> StillBody:
     """Parse `NAME=X,Y,Z`."""
     name, _, numbers = text.rpartition("=")
     try:
-        x, y, z = map(parse_number, numbers.split(","))
+        x, y, z = map(finite_number, numbers.split(","))
     except (UnitError, ValueError):
-        x = y = z = float("nan")
-    if not name.strip() or not all(map(isfinite, (x, y, z))):
+        name = ""
+    if not name.strip():
         raise BadParameter(f"`{text}` is not NAME=X,Y,Z")
     return StillBody(name.strip(), (x, y, z))
 

@@ -409,7 +409,7 @@ def _way_out(fault: SchemaViolation, types: list[str]) -> str:
             return missing_colon(node.text)
         if "array" in types and node.text.startswith("-"):
             return "a list has a space after each `-`"
-        if list(dict.fromkeys(types)) == ["string"]:
+        if list(dict.fromkeys(types)) == ["string"] and not node.is_null:
             most, quoted = schema.get("maxLength"), f'"{node.text[:60]}" in quotes'
             return _rule_of_names(most) if most else f"write {quoted} if you mean the text"
     if schema.get("examples") and fault.keyword == "type":

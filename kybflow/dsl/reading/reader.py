@@ -13,7 +13,6 @@ import hashlib
 import itertools
 import os
 import re
-import stat
 from pathlib import Path
 from typing import Any, NamedTuple, TypeGuard
 
@@ -27,6 +26,7 @@ from yaml.events import (
     StreamEndEvent,
 )
 
+from kybflow.core.files import NotRegular, read_regular
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
 from kybflow.dsl.reading.nodes import (
@@ -266,12 +266,16 @@ def read(path: Path, file: str) -> ParsedFile:
 
 def _bytes_of(path: Path, file: str, found: Findings) -> bytes | None:
     start = Span(file, 1, 1, 1, 1)
+    if byte := next((c for c in file if "\udc80" <= c <= "\udcff"), ""):
+        shown = file.encode("utf-8", "backslashreplace").decode()
+        message = f"the name of `{shown}` is not UTF-8: byte 0x{ord(byte) & 0xFF:02x}"
+        found.report("KYB001", message, start, help="rename the file or its folder")
+        return None
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            found.report("KYB001", f"`{file}` is not a file", start, help=_near(path))
-            return None
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
+        data = read_regular(path, MAX_BYTES)
+    except NotRegular:
+        found.report("KYB001", f"`{file}` is not a file", start, help=_near(path))
+        return None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         message = f"`{file}` can't be read: {reason.lower()}"
@@ -287,6 +291,8 @@ def _bytes_of(path: Path, file: str, found: Findings) -> bytes | None:
 def _near(path: Path) -> str:
     """Return the hint for a missing file: the most similar name in the folder, or an empty
     string."""
+    if os.path.exists(path) and not os.path.isdir(path):
+        return "give a regular file: a pipe or a device may never end"
     try:
         folder = path if os.path.isdir(path) else path.parent
         names = [str(folder / f.name) for f in itertools.islice(folder.glob("*.yaml"), MOST_FILES)]
@@ -333,10 +339,7 @@ def _is_ours(path: Path) -> bool:
     """Return whether a file has such a key at the top level, or can't be read: an unreadable file
     is reported when it is opened."""
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            return True
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES)
+        data = read_regular(path, MAX_BYTES)
     except OSError:
         return True
     # NUL and invalid bytes are dropped so that UTF-16 is found here and refused by the reader

@@ -7,13 +7,12 @@ import functools
 import hashlib
 import os
 import re
-import stat
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
 from kybflow.core.errors import FileError, UnitError
-from kybflow.core.files import File, FilePath
+from kybflow.core.files import File, FilePath, NotRegular, read_regular
 from kybflow.core.params import (
     BOOLEAN,
     FILE,
@@ -372,10 +371,9 @@ def _read(name: str, folder: Path, errors: str) -> File:
         path = Path(os.path.realpath(folder / name))
         if Path(name).is_absolute() or not path.is_relative_to(os.path.realpath(folder)):
             raise FileError(f"`{name}` is outside of the mission's folder", hint=_INSIDE)
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise FileError(f"`{name}` is not a file", hint=_CREATE)
-        with path.open("rb") as stream:
-            data = stream.read(MAX_FILE_BYTES + 1)
+        data = read_regular(path, MAX_FILE_BYTES)
+    except NotRegular:
+        raise FileError(f"`{name}` is not a file", hint=_CREATE) from None
     except FileNotFoundError:
         raise FileError(f"there is no file `{name}`", hint=_CREATE) from None
     except (OSError, ValueError) as error:
