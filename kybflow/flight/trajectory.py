@@ -94,7 +94,7 @@ def read_table(text: str) -> tuple[TrajectoryPoint, ...]:
             raise FileError(f"more than {MOST_ROWS} rows", number)
         if len(rows) > 1 and rows[-1].time <= rows[-2].time:
             message = f"the time does not increase: {rows[-1].time:g} s after {rows[-2].time:g} s"
-            raise FileError(message, number)
+            raise FileError(message, number, "sort the rows by their time, each with another time")
     if len(rows) < 2:
         raise FileError("a trajectory has at least two rows")
     return tuple(rows)

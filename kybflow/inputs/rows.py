@@ -101,7 +101,8 @@ def _row(cells: Mapping[str, str], axes: tuple[str, ...], number: int) -> InputR
     values = {axis: _number(cells.get(axis, ""), axis, number) for axis in axes}
     for axis, value in values.items():
         if abs(value) > 1.0:
-            raise FileError(f"`{axis}` must be from -1 to 1", number)
+            hint = "1 is the full deflection: divide the device's values by their largest"
+            raise FileError(f"`{axis}` must be from -1 to 1", number, hint)
     held = cells.get(BUTTONS, "").split()
     for name in held:
         if not _NAME.fullmatch(name):

@@ -128,7 +128,7 @@ def _vertices_of(file: File, header: _Header) -> NDArray[Any]:
         places = [names.index(axis) for axis in _AXES]
         lines = [line.split() for line in file.text.splitlines()[header.lines :]][: header.many]
         if len(lines) < header.many:
-            raise FileError(f"it ends after {len(lines)} of its {header.many} points")
+            raise _cut_off(len(lines), header.many)
         points = [
             _numbers(number, [words[i] for i in places if i < len(words)])
             for number, words in enumerate(lines, start=header.lines + 1)
@@ -138,9 +138,14 @@ def _vertices_of(file: File, header: _Header) -> NDArray[Any]:
     data = file.data[header.size :]
     if len(data) < header.many * row.itemsize:
         whole = len(data) // row.itemsize
-        raise FileError(f"it ends after {whole} of its {header.many} points")
+        raise _cut_off(whole, header.many)
     rows = np.frombuffer(data, row, header.many)
     return np.stack([rows[axis].astype(float) for axis in _AXES], axis=1)
+
+
+def _cut_off(whole: int, many: int) -> FileError:
+    message = f"it ends after {whole} of its {many} points"
+    return FileError(message, hint="the file is cut off: export it again")
 
 
 def _header(text: str) -> _Header:
@@ -323,7 +328,8 @@ def read_image(file: File) -> NDArray[Any]:
     except (ValueError, OverflowError):
         raise FileError("it is a broken PGM picture") from None
     if most != 255 or min(width, height) < 1 or len(values) < width * height:
-        raise FileError(f"{width} x {height} values of 8 bits are needed, but this has others")
+        message = f"{width} x {height} values of 8 bits are needed, but this has others"
+        raise FileError(message, hint="export it again, with 8 bits for each pixel")
     return values[: width * height].reshape(height, width)
 
 

@@ -330,6 +330,8 @@ def _explain_version(fault: SchemaViolation) -> Iterator[Diagnostic]:
     node = fault.node
     shown = node.text if isinstance(node, Scalar) else describe(node)
     message = f"version `{shown}` of the mission language is not supported"
+    if isinstance(node, Scalar) and node.quoted and node.text.strip() == "1":
+        message = "the version is a number, but its quotes make it a text"
     yield Diagnostic("KYB111", message, node.span, help="write `kybflow: 1`")
 
 
@@ -424,6 +426,14 @@ def _reshaped(node: Node, types: list[str], name: str) -> str:
     a text is written; empty if neither applies."""
     if types == ["array"] and isinstance(node, Scalar) and node.text:
         return "write it as a list: each item on its own line, after `- `"
+    if isinstance(node, Sequence) and "array" not in types and "string" in types and node.items:
+        first = node.items[0]
+        one = f"`{name}: {first.text}`" if isinstance(first, Scalar) else "it without the brackets"
+        others = "; the next behavior is a state of its own, which `then` names"
+        one = f"one: {one}" if isinstance(first, Scalar) else one
+        return f"write {one}{others if name == 'do' else ''}"
+    if isinstance(node, Scalar) and node.is_null and types == ["object"]:
+        return f"write `{name}: {{NAME: {{...}}}}`"
     if name and types == ["object"] and isinstance(node, Sequence):
         return f"write it in braces: `{name}: {{...}}`"
     is_mapping = name and types == ["array"] and isinstance(node, Mapping)

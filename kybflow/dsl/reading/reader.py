@@ -28,7 +28,7 @@ from yaml.events import (
 
 from kybflow.core.files import NotRegular, read_regular
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
+from kybflow.dsl.diagnostics import Diagnostic, Findings, Span, has_errors
 from kybflow.dsl.reading.nodes import (
     NAME,
     NAME_A_POINT,
@@ -41,7 +41,13 @@ from kybflow.dsl.reading.nodes import (
     is_cut,
     items_of,
 )
-from kybflow.dsl.reading.yaml_errors import CLOSE, not_yaml, strange_characters, without_colon
+from kybflow.dsl.reading.yaml_errors import (
+    CLOSE,
+    LACKS_COLON,
+    not_yaml,
+    strange_characters,
+    without_colon,
+)
 
 CODES = {
     "KYB001": "The file can't be opened or is no regular file.",
@@ -84,7 +90,8 @@ def compose(text: str, file: str, found: Findings) -> Node | None:
         if spaced != text:
             return compose(spaced, file, found)
         stopped = not_yaml(error, text, file)
-        own.add(() if any(d.span == stopped.span for d in own.all) else stopped)
+        is_told = any(d.span.line == stopped.span.line for d in own.all if has_errors([d]))
+        own.add(() if is_told else stopped)
     found.add(own.all)
     return root
 
@@ -214,11 +221,15 @@ class _Composer:
         elif key.text[-1:] == ":" and not key.quoted and NAME.match(name := key.text.rstrip(": ")):
             hint = f"write `{name}: ...`"
             self._found.report("KYB010", f"`{name}` has two colons", key.span, help=hint)
+        elif not key.quoted and (joined := LACKS_COLON.match(key.text)):
+            message, rest = f"a colon is missing after `{joined[1]}`", key.text[joined.end() - 1 :]
+            hint = f"write `{joined[1]}: {rest}: ...`"
+            self._found.report("KYB014", message, key.span, help=hint)
         elif key.text in entries:
             first, again = entries[key.text].key.span, key.span
-            message = f"`{key.text}` is written twice"
-            self._found.report("KYB007", message, again, "again", (f"first at {first.at}",))
-            self._found.report("KYB007", message, first, "first", (f"again at {again.at}",))
+            message, hint = f"`{key.text}` is written twice", "remove one of them, or rename it"
+            self._found.report("KYB007", message, again, "again", (f"first at {first.at}",), hint)
+            self._found.report("KYB007", message, first, "first", (f"again at {again.at}",), hint)
         else:
             if not self._is_ascii:
                 strange_characters(key, self._found)

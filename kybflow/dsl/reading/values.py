@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import operator
 import os
 import re
 from collections.abc import Callable
@@ -99,7 +100,8 @@ def decode_value(node: Node, field: Field, found: Findings) -> Any:
     flaw = field.flaw(value)
     if flaw is None:
         return value
-    found.report("KYB105", f"`{field.key}` {flaw}", node.span)
+    hint = f"write it like `{example_of(field.type)}`" if isinstance(field.type, Numbers) else ""
+    found.report("KYB105", f"`{field.key}` {flaw}", node.span, help=hint)
     return None
 
 
@@ -202,7 +204,7 @@ def _way_inside(value: float, node: Scalar, field: Field) -> str:
     be within them, or an example if the value is not positive."""
     dimension, bare = field.dimension, node.text.strip()
     if dimension is None or not dimension.units:
-        return ""
+        return _nearest_bound(value, field)
     for unit, factor in sorted(dimension.units.items(), key=lambda item: -item[1]):
         if _BARE.match(bare) and factor < 1.0 and field.is_within(value * factor):
             return f"did you mean `{bare} {unit}`?"
@@ -211,7 +213,27 @@ def _way_inside(value: float, node: Scalar, field: Field) -> str:
     if usual is not None and usual > 0.0:
         example = format_quantity(usual, dimension)
     fits = field.is_within(parse_quantity(example, dimension))
-    return f"write it like `{example}`" if value <= 0.0 and fits else ""
+    return f"write it like `{example}`" if value <= 0.0 and fits else _nearest_bound(value, field)
+
+
+def _nearest_bound(value: float, field: Field) -> str:
+    """Return the hint that names the bound beyond which a value is."""
+    for bound, words in _BOUND_WORDS.items():
+        limit = getattr(field, bound)
+        if limit is not None and not _HOLDS[bound](value, limit):
+            return words.format(_shown(limit, field.dimension))
+    return ""
+
+
+_BOUND_WORDS = {
+    "above": "write more than `{}`",
+    "at_least": "write `{}` or more",
+    "below": "write less than `{}`",
+    "at_most": "write `{}` or less",
+}
+_HOLDS: dict[str, Callable[[float, float], bool]] = {
+    "above": operator.gt, "at_least": operator.ge, "below": operator.lt, "at_most": operator.le,
+}  # fmt: skip
 
 
 _TEN_SECONDS = "10 s"
@@ -254,6 +276,9 @@ def _wrong(node: Node, field: Field, found: Findings, shape: str = "") -> None:
         hint = f"write it like `{example_of(kind, one)}`"
     if field.type is INTEGER:
         hint = f"write it like `{NUMBER.example}`"
+    if not hint and isinstance(node, Sequence) and node.items:
+        first = node.items[0]
+        hint = f"write one: `{field.key}: {first.text}`" if isinstance(first, Scalar) else ""
     if shape == "vector":
         hint = _three_numbers(node) or hint
     if field.names == "group" and isinstance(node, Sequence):

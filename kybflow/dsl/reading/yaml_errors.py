@@ -15,6 +15,7 @@ from typing import NamedTuple
 from kybflow.core.text import as_typed, character_name, in_typographic_quotes, unseen
 from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
 from kybflow.dsl.reading.nodes import (
+    NAME,
     NAME_A_POINT,
     NO_POINT,
     MappingEntry,
@@ -56,6 +57,8 @@ _TWO_WORDS = re.compile(r"([A-Za-z_]\w*)(?:\s*=\s*|\s+)([^\s=<>].*)\Z", re.ASCII
 _LAST_NUMBER = re.compile(r"(?:^|.*[\s<>=(\[])[-+]?\d+\Z", re.DOTALL)
 _DIGITS = re.compile(r"\d+(?!\w*[.:])")
 _BARE = re.compile(r"[-+]?\d+(\.\d*)?\Z", re.ASCII)
+LACKS_COLON = re.compile(r"([A-Za-z_]\w*) *[{\[]", re.ASCII)
+"""A key and the beginning of its value without a colon between them."""
 _THOUSANDS = re.compile(r"\d{3}\b")
 _IN_PARENTHESES = re.compile(r"\([-+\d.][^()]*\)\Z")
 """A list in the notation of other languages, in parentheses."""
@@ -189,11 +192,18 @@ def _colonless(stop: _Stop, row: int) -> Diagnostic:
     if joined := re.match(r"(\w+:)\S", text):
         return stop.finding(f"a space is missing after `{joined[1]}`", hint, place, width)
     message = f"a colon is missing in `{shown}`" if hint else f"`{shown}` is not a `key: value`"
+    if NAME.match(text):
+        message, hint = f"a colon is missing after `{shown}`", f"write `{shown}:`"
     return stop.finding(message, hint or "write `key: value`", place, width)
 
 
 def _second_colon(stop: _Stop) -> Diagnostic | None:
     """Explain a colon in the value of a key, in the same line or below it."""
+    if cut := LACKS_COLON.match(stop.line.strip()):
+        text, indent = stop.line.strip(), _indent(stop.line)
+        message = f"a colon is missing after `{cut[1]}`"
+        hint = f"write `{cut[1]}: {text[cut.end(1) :].strip()[:_SHOWN_LETTERS]}`"
+        return stop.finding(message, hint, (stop.row, indent), len(cut[1]))
     if first := _KEY.match(stop.line[: stop.column]):
         message = f"a second colon after `{first[1]}:`"
         return stop.finding(message, "put the value in quotes, or its keys in `{...}`")

@@ -52,7 +52,7 @@ _EXPRESSIONS = frozenset({"when", "healthy", "expect"})
 
 class BoundParameter(NamedTuple):
     """A parameter with its value. parameter: the typed value. node: the node that replaces `$name`.
-    span: the location of the declaration. is_set: whether a file sets the value, in contrast to the
+    span: the location of the declaration. is_set: whether it is set, in contrast to the
     default or `--set`."""
 
     parameter: Parameter
@@ -186,8 +186,8 @@ def _declare(
         value = _value(setting, field, found)
     if value is None:
         return None
-    shown, is_set = _typed(node, field), setting is not None and node.span.file != SET
-    return BoundParameter(Parameter(name, kind.text, value), shown, span, is_set)
+    shown = _typed(node, field)
+    return BoundParameter(Parameter(name, kind.text, value), shown, span, setting is not None)
 
 
 def _value(node: Node, field: Field, found: Findings) -> Any:
