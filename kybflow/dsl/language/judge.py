@@ -68,7 +68,7 @@ from kybflow.dsl.reading.nodes import (
     to_json,
 )
 from kybflow.dsl.reading.values import TYPES, decode_value
-from kybflow.dsl.reading.yaml_errors import CONDITIONS, missing_colon
+from kybflow.dsl.reading.yaml_errors import CONDITIONS, LACKS_COLON, missing_colon
 
 if TYPE_CHECKING:
     from jsonschema.protocols import Validator
@@ -120,6 +120,8 @@ def judge_file(root: Node, kind: Any) -> list[Diagnostic]:
             elif isinstance(node, Sequence):
                 name = name if name.endswith("]") else f"{name}[{step}]"
                 node = node.items[int(step)]
+        if LACKS_COLON.match(name):
+            continue  # the name itself is reported
         schema = error.schema if isinstance(error.schema, dict) else {}
         keyword, wanted = str(error.validator), error.validator_value
         fault = SchemaViolation(keyword, wanted, error.instance, schema, node, name)
@@ -354,6 +356,10 @@ def _explain_name(fault: SchemaViolation) -> Iterator[Diagnostic]:
     if isinstance(fault.node, Mapping) and fault.keyword == "pattern":
         span = fault.node.entries[name].key.span
         hint = NAMED
+        if cut := LACKS_COLON.match(name):
+            message, rest = f"a colon is missing after `{cut[1]}`", name[cut.end() - 1 :]
+            yield Diagnostic("KYB014", message, span, help=f"write `{cut[1]}: {rest}: ...`")
+            return
         if _WORDS.fullmatch(name):
             hint = f"write `{re.sub('[- ]', '_', name)}`: {hint}"
         yield Diagnostic("KYB110", f"`{name}` can't be a name", span, help=hint)

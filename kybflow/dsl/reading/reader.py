@@ -43,7 +43,6 @@ from kybflow.dsl.reading.nodes import (
 )
 from kybflow.dsl.reading.yaml_errors import (
     CLOSE,
-    LACKS_COLON,
     not_yaml,
     strange_characters,
     without_colon,
@@ -221,10 +220,6 @@ class _Composer:
         elif key.text[-1:] == ":" and not key.quoted and NAME.match(name := key.text.rstrip(": ")):
             hint = f"write `{name}: ...`"
             self._found.report("KYB010", f"`{name}` has two colons", key.span, help=hint)
-        elif not key.quoted and (joined := LACKS_COLON.match(key.text)):
-            message, rest = f"a colon is missing after `{joined[1]}`", key.text[joined.end() - 1 :]
-            hint = f"write `{joined[1]}: {rest}: ...`"
-            self._found.report("KYB014", message, key.span, help=hint)
         elif key.text in entries:
             first, again = entries[key.text].key.span, key.span
             message, hint = f"`{key.text}` is written twice", "remove one of them, or rename it"
@@ -277,7 +272,7 @@ def read(path: Path, file: str) -> ParsedFile:
 
 def _bytes_of(path: Path, file: str, found: Findings) -> bytes | None:
     start = Span(file, 1, 1, 1, 1)
-    if byte := next((c for c in file if "\udc80" <= c <= "\udcff"), ""):
+    if not file.isascii() and (byte := next((c for c in file if "\udc80" <= c <= "\udcff"), "")):
         shown = file.encode("utf-8", "backslashreplace").decode()
         message = f"the name of `{shown}` is not UTF-8: byte 0x{ord(byte) & 0xFF:02x}"
         found.report("KYB001", message, start, help="rename the file or its folder")
