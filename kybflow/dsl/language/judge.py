@@ -120,7 +120,7 @@ def judge_file(root: Node, kind: Any) -> list[Diagnostic]:
             elif isinstance(node, Sequence):
                 name = name if name.endswith("]") else f"{name}[{step}]"
                 node = node.items[int(step)]
-        if LACKS_COLON.match(name):
+        if any(isinstance(s, str) and LACKS_COLON.match(s) for s in error.absolute_path):
             continue  # the name itself is reported
         schema = error.schema if isinstance(error.schema, dict) else {}
         keyword, wanted = str(error.validator), error.validator_value
