@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from unicodedata import normalize
 
 from typer import BadParameter, Exit, Option
 
@@ -62,7 +63,7 @@ def duration(text: str) -> float:
 
 def emitted(text: str) -> Emitted:
     """Parse `NAME@TIME`."""
-    name, at, time = text.rpartition("@")
+    name, at, time = normalize("NFC", text).rpartition("@")
     if not at or not name.strip():
         raise BadParameter(f"`{text}` is not NAME@TIME")
     try:
@@ -76,7 +77,7 @@ def emitted(text: str) -> Emitted:
 
 def change(text: str) -> Change:
     """Parse `NAME=VALUE`."""
-    name, equals, value = text.partition("=")
+    name, equals, value = normalize("NFC", text).partition("=")
     if not equals:
         raise BadParameter(f"`{text}` is not NAME=VALUE")
     return Change(name.strip(), value.strip())

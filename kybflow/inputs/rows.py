@@ -22,12 +22,13 @@ from typing import NamedTuple
 
 from kybflow.core.errors import FileError, UnitError
 from kybflow.core.files import cells_of
+from kybflow.core.names import NAME
 from kybflow.core.signals import NS, Time
 from kybflow.core.units import parse_number
 
 TIME, BUTTONS, LOST = "t", "buttons", "lost"
 _LIKE = "t, x, y, z, turn, buttons"
-_NAME = re.compile(r"[A-Za-z_]\w*")
+_NAME = re.compile(NAME)
 
 
 class InputRow(NamedTuple):

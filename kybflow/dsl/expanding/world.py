@@ -23,6 +23,7 @@ from kybflow.core.geometry import (
     multiply,
     rotate,
 )
+from kybflow.core.names import CHARACTER
 from kybflow.core.params import RecordOf, fields_of
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import LENGTH, format_measured, format_quantity
@@ -221,7 +222,7 @@ def _columns(chart: OccupancyParams, image: File, found: Findings) -> Columns | 
     return None
 
 
-_NAMED = re.compile(r"world\.points\.(\w+)\Z", re.ASCII)
+_NAMED = re.compile(rf"world\.points\.({CHARACTER}+)\Z")
 
 
 class Points:

@@ -13,6 +13,7 @@ import hashlib
 import itertools
 import os
 import re
+import unicodedata
 from pathlib import Path
 from typing import Any, NamedTuple, TypeGuard
 
@@ -45,6 +46,7 @@ from kybflow.dsl.reading.yaml_errors import (
     CLOSE,
     not_yaml,
     strange_characters,
+    strange_names,
     without_colon,
 )
 
@@ -228,6 +230,7 @@ class _Composer:
         else:
             if not self._is_ascii:
                 strange_characters(key, self._found)
+                strange_names(key, value, self._found)
                 for item in items_of(value) or (value,):
                     if isinstance(item, Scalar):
                         strange_characters(item, self._found, key.text)
@@ -265,6 +268,8 @@ def read(path: Path, file: str) -> ParsedFile:
     found = Findings()
     data = _bytes_of(path, file, found)
     text = None if data is None else _decode(data, file, found)
+    if text is not None and not text.isascii():
+        text = unicodedata.normalize("NFC", text)
     root = None if text is None else compose(text, file, found)
     digest = "" if data is None or text is None else hashlib.sha256(data).hexdigest()
     return ParsedFile(file, text or "", digest, root, tuple(found.all))

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 
 from kybflow.core.errors import FileError, UnitError
 from kybflow.core.files import File, FilePath, NotRegular, read_regular
+from kybflow.core.names import NAME
 from kybflow.core.params import (
     BOOLEAN,
     FILE,
@@ -61,7 +62,7 @@ N = TypeVar("N", int, float)
 MAX_FILE_BYTES = 4_000_000
 _MAX_SCALAR = 100
 _SHOWN_LETTERS = 60
-_POINT = re.compile(r"(?:world\.)?points?\.([A-Za-z_]\w*)\Z", re.ASCII)
+_POINT = re.compile(rf"(?:world\.)?points?\.({NAME})\Z")
 _BARE = re.compile(r"[-+.\deE]+\Z", re.ASCII)
 _INTEGER = re.compile(r"[+-]?\d+\Z", re.ASCII)
 _TRUTHS = {"true": True, "True": True, "false": False, "False": False}

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+from kybflow.core.names import name_flaw
 from kybflow.core.text import as_typed, character_name, in_typographic_quotes, unseen
 from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
 from kybflow.dsl.reading.nodes import (
@@ -19,6 +20,7 @@ from kybflow.dsl.reading.nodes import (
     NAME_A_POINT,
     NO_POINT,
     MappingEntry,
+    Node,
     Scalar,
     is_cut,
     no_commas,
@@ -27,7 +29,8 @@ from kybflow.dsl.reading.nodes import (
 CODES = {
     "KYB004": "The file is not YAML.",
     "KYB014": "A key without a colon: a decimal comma, a comma in a text or a forgotten colon.",
-    "KYB016": "A character of a word processor, or one that can't be seen, where YAML has another.",
+    "KYB016": "A character of a word processor, or one that can't be seen, where YAML has another, "
+    "or a name with letters of several scripts.",
 }
 _SPECIAL = {"*": "an alias", "&": "an anchor", "!": "a tag", "%": "a directive"}
 _OPEN = {
@@ -180,6 +183,24 @@ def strange_characters(node: Scalar, found: Findings, key: str = "") -> None:
         column = span.column + at
         span = span._replace(column=column, end_column=column + 1)
     found.report("KYB016", message, span, help=hint)
+
+
+def strange_names(key: Scalar, value: Node, found: Findings) -> None:
+    """Report a key, or the name of a mission or library, that is not the name that it seems."""
+    named = [key]
+    if key.text in _TITLED and isinstance(value, Scalar):
+        named.append(value)
+    for name in named:
+        if not name.quoted and (unseen(name.text) is not None or in_typographic_quotes(name.text)):
+            continue  # that is reported
+        flaw = next(filter(None, map(name_flaw, name.text.split("."))), "")
+        if flaw:
+            message = f"`{name.text[:_SHOWN_LETTERS]}` can't be a name: {flaw}"
+            found.report("KYB016", message, name.span, help=_ONE_SCRIPT)
+
+
+_TITLED = ("mission", "library")
+_ONE_SCRIPT = "use the letters of one script, such as a to z, digits and `_`"
 
 
 def _colonless(stop: _Stop, row: int) -> Diagnostic:

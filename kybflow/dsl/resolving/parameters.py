@@ -4,12 +4,14 @@ of a chain sets them; `Substitution` replaces `$name` by their values."""
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterable, Iterator
 from collections.abc import Mapping as MappingOf
 from decimal import Decimal
 from math import inf
 from typing import Any, NamedTuple
 
+from kybflow.core import names
 from kybflow.core.params import TEXT, Field
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import LENGTH, NUMBER, RATIO
@@ -45,8 +47,8 @@ CODES = {
     "KYB133": "A parameter that nothing uses (a warning).",
 }
 _BOUNDS = ("above", "at_least", "below", "at_most")
-_WHOLE = re.compile(r"\$([A-Za-z_]\w*)\Z", re.ASCII)
-_INSIDE = re.compile(r"\$([A-Za-z_]\w*)", re.ASCII)
+_WHOLE = re.compile(rf"\$({names.NAME})\Z")
+_INSIDE = re.compile(rf"\$({names.NAME})")
 _EXPRESSIONS = frozenset({"when", "healthy", "expect"})
 
 
@@ -80,7 +82,8 @@ class Setting(NamedTuple):
 def parse_settings(sets: Iterable[str], found: Findings) -> dict[str, Setting]:
     """Return the values of `--set name=value` by name, and report invalid settings."""
     settings: dict[str, Setting] = {}
-    for line, text in enumerate(sets, start=1):
+    for line, given in enumerate(sets, start=1):
+        text = unicodedata.normalize("NFC", given)
         before, equals, value = text.partition("=")
         name, span = before.strip(), Span(SET, line, 1, line, len(text) + 1)
         if not equals or not NAME.match(name) or not value.strip() or "\n" in text:

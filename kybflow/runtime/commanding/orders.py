@@ -22,6 +22,7 @@ run's scheduled commands.
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -144,7 +145,7 @@ def parse(words: str) -> Order:
     command is written."""
     if len(words) > MOST_LETTERS:
         raise CommandUnreadable(f"a command has at most {MOST_LETTERS} letters, not {len(words)}")
-    command, *rest = words.split() or [""]
+    command, *rest = unicodedata.normalize("NFC", words).split() or [""]
     form = _FORMS.get(command)
     if form is None:
         hint = did_you_mean(command, _FORMS)
@@ -215,7 +216,7 @@ def _written(point: PlannedPoint) -> list[str]:
     return words if point.heading is None else [*words, f"heading={point.heading!r}"]
 
 
-_ASSIGNED = re.compile(r"(?:^| )([A-Za-z_]\w*)=")
+_ASSIGNED = re.compile(r"(?:^| )([^\W\d]\w*)=")
 _FORMS: Mapping[str, _Form] = {
     "emit": _Form(" EVENT", lambda rest: named(rest[0]) if len(rest) == 1 else None),
     "switch": _Form(" VEHICLE STATE [PARAMETER=VALUE ...]", _switch),
