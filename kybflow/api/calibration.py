@@ -12,6 +12,7 @@ from mcap.exceptions import McapError
 from numpy.typing import NDArray
 
 from kybflow.core.errors import FileError
+from kybflow.core.files import read_all
 from kybflow.core.signals import NS, Pose
 from kybflow.dsl.calibration_file import write_calibration
 from kybflow.dsl.expanding.vehicles import written_camera
@@ -52,12 +53,14 @@ def recorded_track(path: Path, vehicle: str) -> RecordedTrack:
     """Read a vehicle's poses from a pose table or a run folder. Raises FileError."""
     try:
         if not path.is_dir():
-            return read_poses(path.read_text(encoding="utf-8-sig"))
+            return read_poses(read_all(path).decode("utf-8-sig"))
         rows = read_recorded_poses(path, vehicle)
     except FileError as error:
         where = f"{path}:{error.line}" if error.line else f"{path}"
         raise FileError(f"{where}: {error}" + (f"; {error.hint}" if error.hint else "")) from None
-    except (OSError, UnicodeDecodeError, RunFolderError) as error:
+    except OSError as error:
+        raise FileError(f"`{path}` can't be read: {error.strerror}") from None
+    except (UnicodeDecodeError, RunFolderError) as error:
         raise FileError(f"`{path}` can't be read: {error}") from None
     if len(rows) < 2:
         raise FileError(f"`{path}` has no poses of `{vehicle}`")

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import re
+import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import entry_points
@@ -12,6 +13,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from kybflow.core.errors import KybflowError
+from kybflow.core.files import read_all
+from kybflow.core.names import CHARACTER, LETTER, name_flaw
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.diagnostics import Findings, Span
@@ -120,7 +123,7 @@ def text_of(node: Node | None) -> str:
 
 SCHEMA = "mission.schema.json"
 """The JSON schema for editors, in the same folder as the missions."""
-_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,59}\Z", re.ASCII)
+_NAME = re.compile(rf"{LETTER}{CHARACTER}{{0,59}}\Z")
 _LINE = f"# yaml-language-server: $schema={SCHEMA}\n"
 
 
@@ -128,7 +131,8 @@ def scaffold(name: str, origin: str, folder: Path) -> tuple[Path, ...]:
     """Copy the shipped mission `origin` into `folder` under the name `name`, with the files that it
     uses, and the JSON schema for editors if `folder` has none. Return the written files: attached
     files, mission, schema. Never overwrites a file. Raises KybflowError."""
-    if not _NAME.match(name):
+    name = unicodedata.normalize("NFC", name)
+    if not _NAME.match(name) or name_flaw(name):
         raise KybflowError(f"`{name}` can't be the name of a mission: letters, digits and `_`")
     path, schema, known = folder / f"{name}.yaml", folder / SCHEMA, {m.name: m for m in missions()}
     one = known.get(origin.removeprefix(f"{OWN}/").removesuffix(".yaml"))
@@ -143,7 +147,7 @@ def scaffold(name: str, origin: str, folder: Path) -> tuple[Path, ...]:
         if file.suffix not in (".yaml", ".yml")
     }
     for file, text in list(wanted.items()):
-        if file.is_file() and file.read_text(encoding="utf-8", errors="replace") == text:
+        if file.is_file() and read_all(file) == text.encode():
             del wanted[file]
     wanted[path] = _rewritten(one, name)
     if not schema.exists():

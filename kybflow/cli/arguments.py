@@ -6,12 +6,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from unicodedata import normalize
 
 from typer import BadParameter, Exit, Option
 
 from kybflow.cli.output import echo
 from kybflow.core.errors import INVALID, KybflowError, UnitError
-from kybflow.core.files import write_whole
+from kybflow.core.files import read_all, write_whole
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION, Dimension, parse_quantity
 
@@ -62,7 +63,7 @@ def duration(text: str) -> float:
 
 def emitted(text: str) -> Emitted:
     """Parse `NAME@TIME`."""
-    name, at, time = text.rpartition("@")
+    name, at, time = normalize("NFC", text).rpartition("@")
     if not at or not name.strip():
         raise BadParameter(f"`{text}` is not NAME@TIME")
     try:
@@ -76,7 +77,7 @@ def emitted(text: str) -> Emitted:
 
 def change(text: str) -> Change:
     """Parse `NAME=VALUE`."""
-    name, equals, value = text.partition("=")
+    name, equals, value = normalize("NFC", text).partition("=")
     if not equals:
         raise BadParameter(f"`{text}` is not NAME=VALUE")
     return Change(name.strip(), value.strip())
@@ -172,9 +173,7 @@ def published(
     if write_to is not None:
         with writing(write_to, "--write"):
             write_whole(write_to, make().encode())
-    elif check is not None and not (
-        check.is_file() and check.read_text(encoding="utf-8") == make()
-    ):
+    elif check is not None and not (check.is_file() and read_all(check) == make().encode()):
         echo(f"{check} is out of date; update it: {command} --write {check}", err=True)
         raise Exit(INVALID)
     return write_to is not None or check is not None

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from kybflow.core.errors import KybflowError
-from kybflow.core.files import CONTROL, write_whole
+from kybflow.core.files import CONTROL, read_all, write_whole
 
 SUFFIX = ".sock"
 LONGEST_PATH = 107
@@ -185,7 +185,7 @@ def _name(path: Path) -> str:
 
 def _address_in(folder: Path) -> Path:
     try:
-        path = Path(json.loads((folder / CONTROL).read_text(encoding="utf-8"))["socket"])
+        path = Path(json.loads(read_all(folder / CONTROL))["socket"])
     except (OSError, ValueError, LookupError, TypeError):
         raise RunNotFound(f"`{folder / CONTROL}` has no path of a socket") from None
     if not is_served(path):

@@ -47,14 +47,47 @@ _TYPED = str.maketrans(
     dict.fromkeys("\u2212\u2010\u2011\u2012\u2013\u2014", "-")
     | dict.fromkeys("\u201c\u201d\u201e\u00ab\u00bb", '"')
     | dict.fromkeys("\u2018\u2019\u201a", "'")
+    | {"\u066b": "."}
 )
-"""Maps minus signs, dashes and quotes of word processors to those of a keyboard."""
+"""Maps minus signs, dashes and quotes of word processors, and the Arabic decimal separator, to
+characters of a keyboard."""
 
 
 def as_typed(text: str) -> str:
-    """Return `text` with the characters of word processors and full-width keyboards replaced by
-    plain ones: minus signs, dashes, quotes, colons, commas, digits and spaces."""
-    return text if text.isascii() else unicodedata.normalize("NFKC", text.translate(_TYPED))
+    """Return `text` with the characters of word processors, full-width keyboards and other scripts
+    replaced by plain ones: minus signs, dashes, quotes, colons, commas, digits and spaces."""
+    if text.isascii():
+        return text
+    plain = unicodedata.normalize("NFKC", text.translate(_TYPED))
+    return "".join(str(unicodedata.decimal(c)) if c.isdecimal() else c for c in plain)
+
+
+_OPENING, _CLOSING = (
+    "\u201c\u201d\u201e\u00ab\u00bb\u2018\u2019\u201a",
+    "\u201d\u201c\u00bb\u00ab\u2019\u2018",
+)
+
+
+def in_typographic_quotes(text: str) -> bool:
+    """Return whether `text` is in the quotes of a word processor."""
+    return len(text) > 1 and text[0] in _OPENING and text[-1] in _CLOSING
+
+
+def unseen(text: str) -> int | None:
+    """Return the index of the first character of `text` that can't be seen and isn't a plain space,
+    or that reverses the direction of writing; None if there is none."""
+    if text.isascii():
+        return None
+    kinds = ("Cf", "Cc", "Zs", "Zl", "Zp")
+    strange = (i for i, c in enumerate(text) if c > "~" and unicodedata.category(c) in kinds)
+    return next(strange, None)
+
+
+def character_name(character: str) -> str:
+    """Return the name of a character, such as `a no-break space (U+00A0)`."""
+    name = unicodedata.name(character, "a character without a name").lower()
+    indefinite = "" if name.startswith("a ") else "an " if name[0] in "aeiou" else "a "
+    return f"{indefinite}{name} (U+{ord(character):04X})"
 
 
 INDENT = "  "

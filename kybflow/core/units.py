@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
@@ -183,6 +184,42 @@ def _factor(text: str, number: str, unit: str, dimension: Dimension) -> float:
     raise UnitError(
         f"`{unit}` is not a unit of {dimension.name}", f"the units of {dimension.name} are {known}"
     )
+
+
+_DIGIT_GROUPS = re.compile(r"(?<=\d)_(?=\d)")
+
+
+def parse_number(text: str) -> float:
+    """Parse a number in a text that a person or another program wrote, such as a cell of a table.
+
+    `nan` and `inf` are numbers here. What `float` accepts beyond that is refused: underscores,
+    which a typing error leaves in a number, and digits of other scripts. Raises UnitError.
+    """
+    if text.isascii() and "_" not in text:
+        with suppress(ValueError):
+            return float(text)
+    shown, typed = text.strip()[:20], _DIGIT_GROUPS.sub("", as_typed(text).strip())
+    point = _COMMA.sub(".", _APART.sub(r"\1", typed))
+    match = _QUANTITY.match(point)
+    if match is None or match[2]:
+        raise UnitError(f"`{shown}` is not a number", "")
+    flaw = "is not written like a number"
+    if "," in typed:
+        flaw = "has a decimal comma"
+    elif "_" in text:
+        flaw = "has an underscore"
+    elif not text.isascii():
+        flaw = "has another keyboard's characters"
+    with_point = ", with a decimal point" if "," in typed else ""
+    raise UnitError(f"`{shown}` {flaw}", f"write `{point}`{with_point}")
+
+
+def finite_number(text: str) -> float:
+    """Parse a number as `parse_number` does, but not `nan` or `inf`. Raises UnitError."""
+    value = parse_number(text)
+    if not math.isfinite(value):
+        raise UnitError(f"`{text.strip()[:20]}` is not finite")
+    return value
 
 
 def is_quantity(text: str, dimension: Dimension) -> bool:

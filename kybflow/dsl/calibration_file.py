@@ -15,8 +15,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from math import isfinite
 
-from kybflow.core.errors import FileError
+from kybflow.core.errors import FileError, UnitError
 from kybflow.core.files import File
+from kybflow.core.units import parse_number
 from kybflow.dsl.diagnostics import Findings
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, describe, items_of
 from kybflow.dsl.reading.reader import compose
@@ -113,9 +114,10 @@ def _numbers(node: Node, key: str) -> Iterator[float]:
             yield from _numbers(item, key)
         return
     try:
-        value = float(node.text)
-    except ValueError:
-        raise FileError(f"`{node.text[:20]}` in `{key}` is not a number", node.span.line) from None
+        value = parse_number(node.text)
+    except UnitError as error:
+        message = f"`{node.text[:20]}` in `{key}` is not a number"
+        raise FileError(message, node.span.line, error.hint) from None
     if not isfinite(value):
         raise FileError(f"`{node.text}` in `{key}` is not finite", node.span.line)
     yield value

@@ -27,8 +27,8 @@ class Span(NamedTuple):
 
     via: the spans of the imports through which the file was reached, outermost first. used: the
     spans of the uses of the chain or flow that contains the text, outermost first. given: where the
-    value that replaced a `$name` at this location was written. is_set: whether a file sets that
-    value, in contrast to a default or `--set`. Comparisons of spans ignore `given` and `is_set`.
+    value that replaced a `$name` at this location was written. is_set: whether a file or `--set`
+    sets that value, in contrast to a default. Comparisons of spans ignore `given` and `is_set`.
     """
 
     file: str

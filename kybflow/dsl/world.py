@@ -109,8 +109,8 @@ class PointCloudParams(Record):
     """A scan: a ball around each point."""
 
     file: File = key(
-        "File of the points: PLY (ASCII or binary), a table with x, y and z, or three numbers "
-        "per line.",
+        "File of the points: PLY or PCD (ASCII or binary), a table with x, y and z, or three "
+        "numbers per line.",
         reads=read_points, binary=True,
     )  # fmt: skip
     radius: Length = key(

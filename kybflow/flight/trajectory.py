@@ -14,7 +14,9 @@ The file is a table of text: comma-separated, with a header, one row per moment.
 The format is that of `kybflow.core.files`, with units in brackets, `x [cm]`; `yaw` must state
 `[deg]` or `[rad]`. The columns t, x, y and z are required. Velocities, and accelerations, have all
 three columns or none, and accelerations require velocities. The time may begin at any value and
-must increase in every row. Every error is a FileError that names the line.
+must increase in every row. A file of polynomial pieces, as uav_trajectories writes for Crazyswarm,
+is read as well (`kybflow.flight.polynomial_pieces`). Every error is a FileError that names the
+line.
 
 The curve consists of quintic pieces that join in position, velocity and acceleration (C2). Between
 two knots, with h the time between them and s = t - t0, the piece is the only polynomial of degree
@@ -54,6 +56,7 @@ from kybflow.core.units import (
     Dimension,
 )
 from kybflow.flight.motion import Motion
+from kybflow.flight.polynomial_pieces import is_of_pieces, read_pieces
 
 COLUMNS: dict[str, Dimension | None] = {
     "t": DURATION,
@@ -80,6 +83,8 @@ class TrajectoryPoint(NamedTuple):
 
 def read_table(text: str) -> tuple[TrajectoryPoint, ...]:
     """Return the rows of `text`, at least two. Raises FileError."""
+    if is_of_pieces(text):
+        return tuple(TrajectoryPoint(*row) for row in read_pieces(text, MOST_ROWS))
     table = read_columns(text, COLUMNS, "a trajectory", _LIKE)
     _check(table, header_line(text))
     rows: list[TrajectoryPoint] = []
@@ -89,7 +94,7 @@ def read_table(text: str) -> tuple[TrajectoryPoint, ...]:
             raise FileError(f"more than {MOST_ROWS} rows", number)
         if len(rows) > 1 and rows[-1].time <= rows[-2].time:
             message = f"the time does not increase: {rows[-1].time:g} s after {rows[-2].time:g} s"
-            raise FileError(message, number)
+            raise FileError(message, number, "sort the rows by their time, each with another time")
     if len(rows) < 2:
         raise FileError("a trajectory has at least two rows")
     return tuple(rows)

@@ -20,12 +20,15 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import NamedTuple
 
-from kybflow.core.errors import FileError
+from kybflow.core.errors import FileError, UnitError
+from kybflow.core.files import cells_of
+from kybflow.core.names import NAME
 from kybflow.core.signals import NS, Time
+from kybflow.core.units import parse_number
 
 TIME, BUTTONS, LOST = "t", "buttons", "lost"
 _LIKE = "t, x, y, z, turn, buttons"
-_NAME = re.compile(r"[A-Za-z_]\w*")
+_NAME = re.compile(NAME)
 
 
 class InputRow(NamedTuple):
@@ -63,11 +66,7 @@ def line(row: InputRow, axes: tuple[str, ...]) -> str:
 
 def parse(text: str) -> InputRows:
     """Return the rows of a table. Raises FileError, which names the line."""
-    lines = (
-        (number, [cell.strip() for cell in words.split(",")])
-        for number, words in enumerate(text.splitlines(), 1)
-    )
-    filled = ((number, cells) for number, cells in lines if any(cells))
+    filled = ((number, cells) for number, cells in cells_of(text) if any(cells))
     number, columns = next(filled, (1, []))
     axes = _axes(columns, number)
     rows: list[InputRow] = []
@@ -103,7 +102,8 @@ def _row(cells: Mapping[str, str], axes: tuple[str, ...], number: int) -> InputR
     values = {axis: _number(cells.get(axis, ""), axis, number) for axis in axes}
     for axis, value in values.items():
         if abs(value) > 1.0:
-            raise FileError(f"`{axis}` must be from -1 to 1", number)
+            hint = "1 is the full deflection: divide the device's values by their largest"
+            raise FileError(f"`{axis}` must be from -1 to 1", number, hint)
     held = cells.get(BUTTONS, "").split()
     for name in held:
         if not _NAME.fullmatch(name):
@@ -113,6 +113,7 @@ def _row(cells: Mapping[str, str], axes: tuple[str, ...], number: int) -> InputR
 
 def _number(cell: str, column: str, number: int) -> float:
     try:
-        return float(cell)
-    except ValueError:
-        raise FileError(f"`{column}` must be a number, not `{cell[:40]}`", number) from None
+        return parse_number(cell)
+    except UnitError as error:
+        message = f"`{column}` must be a number, not `{cell[:40]}`"
+        raise FileError(message, number, error.hint) from None

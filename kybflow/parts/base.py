@@ -19,6 +19,12 @@ class Objection(NamedTuple):
     hint: str = ""
     is_doubt: bool = False
 
+    @classmethod
+    def of(cls, parameter: str, error: Exception) -> Objection:
+        """Return the objection for an error whose message ends with `: write ...`, its hint."""
+        reason, colon, rest = str(error).partition(": write ")
+        return cls(parameter, reason, f"write {rest}" if colon else "")
+
 
 class Claim(NamedTuple):
     """Something that a part needs for its vehicle alone. parameter: the parameter that names it.

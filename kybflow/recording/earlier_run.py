@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from kybflow.core.errors import FileError
+from kybflow.core.files import read_all
 from kybflow.core.signals import NS
 from kybflow.dsl.reading.reader import PROVENANCE
 from kybflow.inputs.rows import parse
@@ -36,7 +37,7 @@ class EarlierRun(NamedTuple):
 def read_earlier_run(folder: Path) -> EarlierRun:
     """Read the run in `folder`. Raises RunFolderError."""
     try:
-        asked = json.loads((folder / PROVENANCE).read_text(encoding="utf-8"))
+        asked = json.loads(read_all(folder / PROVENANCE))
         events = [json.loads(line) for line in whole_lines(folder / EVENTS)]
         given = [(e["t_s"], e["fields"]) for e in events if e["event"] == "command_given"]
         commands = tuple(

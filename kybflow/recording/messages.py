@@ -23,6 +23,7 @@ from mcap.records import Channel, Chunk, Metadata, Schema
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from numpy.typing import NDArray
 
+from kybflow.core.files import open_regular
 from kybflow.recording.layout import METADATA, PACKAGE, definition, dtype_spec, kept_every
 
 TICK = np.dtype(dtype_spec("Tick"))
@@ -92,7 +93,7 @@ def read_recording(path: Path) -> Recording:
     a recording, or is one of another version of kybflow."""
     mission: dict[str, Any] = {}
     channels: dict[int, _Collected] = {}
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         try:
             for record in StreamReader(file, emit_chunks=True).records:
                 if isinstance(record, Chunk):

@@ -23,7 +23,7 @@ from stat import S_ISREG
 from typing import TYPE_CHECKING, Any
 
 from kybflow.core.errors import KybflowError
-from kybflow.core.files import CONTROL, File, write_whole
+from kybflow.core.files import CONTROL, File, read_all, write_whole
 from kybflow.core.signals import Event, InputReading, Time
 from kybflow.dsl.plan import EstimatorPlan, InputPlan, Plan, SensorPlan
 from kybflow.dsl.reading.reader import PROVENANCE, RESOLVED
@@ -216,7 +216,7 @@ class RunFolder:
 def whole_lines(path: Path) -> list[str]:
     """Return the complete lines of a growing file; none if there is no file. After a run that was
     killed, the last line may be incomplete and is left out."""
-    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    text = read_all(path).decode() if path.exists() else ""
     return text.split("\n")[:-1]
 
 

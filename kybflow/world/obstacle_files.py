@@ -1,14 +1,18 @@
 """Reads files of scanned obstacles. Every error is a FileError, with the line if there is one.
 
-A point cloud is a PLY file (ASCII or binary) or text: three numbers per line, or a table
+A point cloud is a PLY or PCD file (ASCII or binary) or text: three numbers per line, or a table
 (`kybflow.core.files`) with the columns x, y and z. From a PLY file, x, y and z of the element
-`vertex` are read and the rest is skipped. Some programs write NaN where the scanner saw nothing;
-such points are refused, because an obstacle may be there.
+`vertex` are read, from a PCD file the fields x, y and z, and the rest is skipped. Some programs
+write NaN where the scanner saw nothing; such points are refused, because an obstacle may be there.
+Decimal commas are refused: beside commas as separators, they would move the points.
 
 An occupancy map of ROS's map_server is a YAML file and its image (PGM, 8 bits). A cell is occupied
 if its darkness is more than `occupied_thresh`; the darkness is (255 - value) / 255, or value / 255
-with `negate`. Unknown cells are free. The image's lower left corner is at `origin`: x, y and the
-map's rotation.
+with `negate`. The `mode` is `trinary` or `scale`. Unknown cells are free. The image's lower left
+corner is at `origin`: x, y and the map's rotation.
+
+PCD is the format of the Point Cloud Library, version 0.7:
+https://pointclouds.org/documentation/tutorials/pcd_file_format.html
 """
 
 from __future__ import annotations
@@ -20,9 +24,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import yaml
 
-from kybflow.core.errors import FileError
+from kybflow.core.errors import FileError, UnitError
 from kybflow.core.files import File, header_line, need, read_table
-from kybflow.core.units import LENGTH, Dimension
+from kybflow.core.units import LENGTH, Dimension, parse_number
 from kybflow.world.scanned import MAX_RANGE
 
 if TYPE_CHECKING:
@@ -36,6 +40,10 @@ _COLUMNS: dict[str, Dimension | None] = {
 }
 _WORD = re.compile(r"[A-Za-z_]")
 _NUMBERS = re.compile(r"[\s,;]+")
+_APART = re.compile(r"[,;]*\s[\s,;]*|;+")
+"""What separates numbers in a line that not only commas separate."""
+_SIX_WHOLE = re.compile(r"[-+]?\d+,\d+(?:,[-+]?\d+,\d+){2}\Z", re.ASCII)
+"""Six whole numbers, each second one without a sign, which may be three with decimal commas."""
 _NAN = re.compile(r"[-+]?(nan|inf|infinity)\b", re.IGNORECASE)
 _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
@@ -47,9 +55,9 @@ _LONGEST_HEADER, _LONGEST_COUNT = 10_000, 18
 
 
 class _Header(NamedTuple):
-    """The header of a PLY file. order: the byte order of the vertices, empty for text. many: the
-    number of vertices. properties: the type of each of their properties. lines, size: the header's
-    length in lines and in bytes."""
+    """The header of a PLY or PCD file. order: the byte order of the vertices, empty for text.
+    many: the number of vertices. properties: the type of each of their properties. lines, size: the
+    header's length in lines and in bytes."""
 
     order: str
     many: int
@@ -64,10 +72,12 @@ def read_points(file: File) -> NDArray[Any]:
     import numpy as np
 
     if file.text.startswith("ply"):
-        points = _ply(file)
+        points = _vertices_of(file, _header(file.text))
+    elif _PCD.match(file.text):
+        points = _vertices_of(file, _pcd_header(file.text))
     else:
         if not file.is_text:
-            raise FileError("it is neither PLY nor text", hint="convert it to PLY")
+            raise FileError("it is neither PLY, PCD nor text", hint="convert it to PLY")
         points = np.array([*_lines(file.text)], dtype=float).reshape(-1, 3)
     if not len(points):
         raise FileError("it has no points")
@@ -87,18 +97,24 @@ def _lines(text: str) -> Iterator[tuple[float, ...]]:
         for _, numbers, _ in table.rows:
             yield tuple(numbers[axis] for axis in _AXES)
         return
-    for number, line in enumerate(text.splitlines(), start=1):
-        if line.strip() and not line.lstrip().startswith("#"):
-            yield _numbers(number, _NUMBERS.split(line.strip())[:3])
+    stripped = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
+    lines = [(number, line) for number, line in stripped if line and not line.startswith("#")]
+    if all(_SIX_WHOLE.match(line) for _, line in lines) and lines:
+        hint = "write decimal points, or name the columns in a first line: `x, y, z, r, g, b`"
+        raise FileError("its commas may be decimal commas", lines[0][0], hint)
+    for number, line in lines:
+        is_mixed = "," in line and _APART.search(line)
+        yield _numbers(number, (_APART if is_mixed else _NUMBERS).split(line)[:3])
 
 
 def _numbers(line: int, words: list[str]) -> tuple[float, ...]:
-    try:
-        numbers = tuple(map(float, words))
-    except ValueError:
-        numbers = ()
-    if len(numbers) != 3:
+    if len(words) != 3:
         raise FileError("no point: three numbers are needed", line)
+    try:
+        numbers = tuple(map(parse_number, words))
+    except UnitError as error:
+        message = str(error) if error.hint else "no point: three numbers are needed"
+        raise FileError(message, line, error.hint) from None
     if not all(map(isfinite, numbers)):
         raise FileError(
             "the point is not finite", line, "leave out points that the scanner did not see"
@@ -106,16 +122,15 @@ def _numbers(line: int, words: list[str]) -> tuple[float, ...]:
     return numbers
 
 
-def _ply(file: File) -> NDArray[Any]:
+def _vertices_of(file: File, header: _Header) -> NDArray[Any]:
     import numpy as np
 
-    header = _header(file.text)
     if not header.order:
         names = list(header.properties)
         places = [names.index(axis) for axis in _AXES]
         lines = [line.split() for line in file.text.splitlines()[header.lines :]][: header.many]
         if len(lines) < header.many:
-            raise FileError(f"it ends after {len(lines)} of its {header.many} points")
+            raise _cut_off(len(lines), header.many)
         points = [
             _numbers(number, [words[i] for i in places if i < len(words)])
             for number, words in enumerate(lines, start=header.lines + 1)
@@ -125,9 +140,14 @@ def _ply(file: File) -> NDArray[Any]:
     data = file.data[header.size :]
     if len(data) < header.many * row.itemsize:
         whole = len(data) // row.itemsize
-        raise FileError(f"it ends after {whole} of its {header.many} points")
+        raise _cut_off(whole, header.many)
     rows = np.frombuffer(data, row, header.many)
     return np.stack([rows[axis].astype(float) for axis in _AXES], axis=1)
+
+
+def _cut_off(whole: int, many: int) -> FileError:
+    message = f"it ends after {whole} of its {many} points"
+    return FileError(message, hint="the file is cut off: export it again")
 
 
 def _header(text: str) -> _Header:
@@ -148,7 +168,7 @@ def _vertices(head: str) -> tuple[int, dict[str, str]]:
     many, element, properties = -1, "", dict[str, str]()
     for number, line in enumerate(head.splitlines(), start=1):
         match line.split():
-            case ["element", str(element), str(count)] if count.isdecimal():
+            case ["element", str(element), str(count)] if count.isascii() and count.isdecimal():
                 if len(count) > _LONGEST_COUNT:
                     raise FileError("the number of elements is too large", number)
                 if element == "vertex":
@@ -165,6 +185,67 @@ def _vertices(head: str) -> tuple[int, dict[str, str]]:
     return many, properties
 
 
+_PCD = re.compile(r"(?:[ \t]*#[^\n]*\n)*[ \t]*VERSION[ \t]")
+_PCD_TYPES = {"F": "f", "I": "i", "U": "u"}
+_UNMOVED = re.compile(r"(?:-?0(?:\.0*)? ){3}1(?:\.0*)?(?: -?0(?:\.0*)?){3}\Z")
+_BYTES = frozenset({"1", "2", "4", "8"})
+
+
+def _pcd_header(text: str) -> _Header:
+    head = text[:_LONGEST_HEADER]
+    said: dict[str, tuple[int, list[str]]] = {}
+    place = 0
+    for number, line in enumerate(head.splitlines(keepends=True), start=1):
+        place += len(line)
+        key, *words = line.split() or [""]
+        if key and not key.startswith("#"):
+            said[key] = number, words
+        if key == "DATA":
+            break
+    missing = {"FIELDS", "SIZE", "TYPE", "POINTS", "DATA"} - {*said}
+    if missing:
+        raise FileError(f"the PCD header has no line `{min(missing)}`")
+    at, data = said["DATA"]
+    if data not in (["ascii"], ["binary"]):
+        hint = "save it as ASCII: `pcl_convert_pcd_ascii_binary IN.pcd OUT.pcd 0`"
+        raise FileError(f"points as `{' '.join(data)[:20]}` can't be read", at, hint)
+    at, viewpoint = said.get("VIEWPOINT", (0, []))
+    if viewpoint and not _UNMOVED.match(" ".join(viewpoint)):
+        hint = "move them into the world, and write `VIEWPOINT 0 0 0 1 0 0 0`"
+        raise FileError("its points are as seen from another place", at, hint)
+    at, counts = said["POINTS"]
+    many = counts[0] if counts else ""
+    if not (many.isascii() and many.isdecimal() and len(many) <= _LONGEST_COUNT):
+        raise FileError("the number of its points is missing", at)
+    size = len(head[:place].encode("utf-8", "surrogateescape"))
+    order = "" if data == ["ascii"] else "<"
+    return _Header(order, int(many), _pcd_fields(said), said["DATA"][0], size)
+
+
+def _pcd_fields(said: Mapping[str, tuple[int, list[str]]]) -> dict[str, str]:
+    """Return the type of each number of a point, by field; of a field with several numbers, the
+    further ones have a number in their name."""
+    line, names = said["FIELDS"]
+    (_, sizes), (_, types) = said["SIZE"], said["TYPE"]
+    _, counts = said.get("COUNT", (0, ["1"] * len(names)))
+    properties: dict[str, str] = {}
+    if not len(names) == len(sizes) == len(types) == len(counts):
+        raise FileError("FIELDS, SIZE, TYPE and COUNT have not the same length", line)
+    for name, size, kind, count in zip(names, sizes, types, counts, strict=True):
+        whole = count in map(str, range(1, _MOST_NUMBERS))
+        if size not in _BYTES or kind not in _PCD_TYPES or kind + size == "F1" or not whole:
+            raise FileError(f"`{name[:20]}` has no size and type that are known", line)
+        for i in range(int(count)):
+            properties[f"{name}_{len(properties)}" if i or name in properties else name] = (
+                f"{_PCD_TYPES[kind]}{size}"
+            )
+    if not {*_AXES} <= {*properties}:
+        raise FileError("its points have no fields x, y and z", line)
+    return properties
+
+
+_MOST_NUMBERS = 4097
+"""More numbers than a field of a point has, which may be a histogram."""
 _MAX_YAML = 10_000
 _MIN_CELL, _MAX_CELL = 1e-3, 10.0
 _PGM_WORD = re.compile(rb"\s*(?:#[^\n]*\n\s*)*(\S+)")
@@ -186,23 +267,44 @@ def read_info(file: File) -> MapInfo:
     if len(file.text) > _MAX_YAML:
         raise FileError("it is too long for a map's YAML file")
     try:
-        info: Any = yaml.safe_load(file.text)
-        image, resolution = info["image"], float(info["resolution"])
-        x, y, turned = map(float, info["origin"])
-        occupied, negate = float(info["occupied_thresh"]), bool(int(info.get("negate", 0)))
+        root: Any = yaml.compose(file.text, Loader=yaml.SafeLoader)
+        said = {key.value: value for key, value in root.value}
+        image, mode, negated = said["image"], said.get("mode"), said.get("negate")
+        resolution, occupied = _number_of(said["resolution"]), _number_of(said["occupied_thresh"])
+        x, y, turned = map(_number_of, said["origin"].value)
+        negate = False if negated is None else _NEGATE[negated.value]
     except (
         yaml.YAMLError, RecursionError, AttributeError, KeyError, TypeError, ValueError,
-        OverflowError,
     ):  # fmt: skip
         hint = "it needs `image`, `resolution`, `origin: [x, y, yaw]` and `occupied_thresh`"
         raise FileError("it is not a map of ROS's map_server", hint=hint) from None
-    if not isinstance(image, str):
+    if not isinstance(image, yaml.ScalarNode):
         raise FileError("`image` is not a file name")
+    if mode is not None and mode.value not in ("trinary", "scale"):
+        raise FileError(
+            f"the mode `{str(mode.value)[:20]}` can't be read, because it has no threshold",
+            mode.start_mark.line + 1,
+            "save the map with `mode: trinary`",
+        )
     if not _MIN_CELL <= resolution <= _MAX_CELL or not 0.0 < occupied < 1.0:
         raise FileError("`resolution` or `occupied_thresh` is out of bounds")
     if not max(abs(x), abs(y)) <= MAX_RANGE or not abs(turned) <= 2 * pi:
         raise FileError("`origin` is not a position")
-    return MapInfo(image, resolution, (x, y, turned), occupied, negate)
+    return MapInfo(image.value, resolution, (x, y, turned), occupied, negate)
+
+
+_NEGATE = {"0": False, "1": True, "false": False, "true": True}
+
+
+def _number_of(node: Any) -> float:
+    if not isinstance(node, yaml.ScalarNode):
+        raise TypeError
+    try:
+        return parse_number(node.value)
+    except UnitError as error:
+        if not error.hint:
+            raise ValueError from None
+        raise FileError(str(error), node.start_mark.line + 1, error.hint) from None
 
 
 def read_image(file: File) -> NDArray[Any]:
@@ -216,16 +318,20 @@ def read_image(file: File) -> NDArray[Any]:
     if len(words) < 4 or words[0] not in (b"P2", b"P5"):
         raise FileError("it is not a PGM picture", hint="convert it: `convert map.png map.pgm`")
     try:
+        if not all(map(bytes.isdigit, words[1:])):
+            raise FileError("it is a broken PGM picture")
         width, height, most = (int(word) for word in words[1:])
-        values = (
-            np.frombuffer(data, np.uint8, offset=place + 1)
-            if words[0] == b"P5"
-            else np.array(data[place:].split(), np.uint8)
-        )
+        if words[0] == b"P5":
+            values = np.frombuffer(data, np.uint8, offset=place + 1)
+        elif b"_" in data[place:]:
+            raise FileError("it is a broken PGM picture")
+        else:
+            values = np.array(data[place:].split(), np.uint8)
     except (ValueError, OverflowError):
         raise FileError("it is a broken PGM picture") from None
     if most != 255 or min(width, height) < 1 or len(values) < width * height:
-        raise FileError(f"{width} x {height} values of 8 bits are needed, but this has others")
+        message = f"{width} x {height} values of 8 bits are needed, but this has others"
+        raise FileError(message, hint="export it again, with 8 bits for each pixel")
     return values[: width * height].reshape(height, width)
 
 

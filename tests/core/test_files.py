@@ -1,4 +1,4 @@
-"""A file is written whole or not at all."""
+"""A file is written whole or not at all, and only a regular file is read."""
 
 from __future__ import annotations
 
@@ -8,7 +8,23 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.core.files import write_whole
+from kybflow.core.files import NotRegular, read_regular, write_whole
+
+
+def test_a_regular_file_is_read_up_to_a_bound(tmp_path: Path) -> None:
+    (tmp_path / "page").write_bytes(b"today")
+    assert read_regular(tmp_path / "page", 5) == b"today"
+    assert read_regular(tmp_path / "page", 3) == b"toda"
+    with pytest.raises(FileNotFoundError):
+        read_regular(tmp_path / "none", 3)
+
+
+def test_what_would_block_or_never_end_is_refused_at_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path / "link", Path("/dev/zero"), tmp_path):
+        with pytest.raises(NotRegular, match="not a regular file"):
+            read_regular(path, 100)
 
 
 def test_the_bytes_are_in_the_file(tmp_path: Path) -> None:

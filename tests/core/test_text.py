@@ -65,7 +65,8 @@ def told(factor: float | None, *, has_pace: bool, reason: str | None = None) -> 
     """The summary that `kybflow run` prints."""
     summary = {
         "mission": "m", "outcome": "failed" if reason else "succeeded", "reason": reason,
-        "expectations": [], "sim_time_s": 3.0, "wall_time_s": 10.0, "real_time_factor": factor,
+        "expectations": [], "never_injected": [], "commands": [], "sim_time_s": 3.0,
+        "wall_time_s": 10.0, "real_time_factor": factor,
     }  # fmt: skip
     return list(outcome(Flown(Path("runs/x"), summary), has_pace=has_pace))
 

@@ -7,6 +7,7 @@ size is thousands.
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
@@ -156,9 +157,20 @@ def test_it_is_answered_with_a_diagnostic_in_bounded_time(
 
 
 def test_a_path_that_is_no_file_is_answered(tmp_path: Path) -> None:
-    for path in (tmp_path, tmp_path / "none.yaml", Path("/dev/zero"), Path("a\0b")):
+    os.mkfifo(tmp_path / "pipe")
+    unnamed = tmp_path / os.fsdecode(b"bad\xff.yaml")
+    unnamed.write_bytes(HEAD)
+    nothing, pipe = tmp_path / "none.yaml", tmp_path / "pipe"
+    for path in (tmp_path, nothing, Path("/dev/zero"), pipe, Path("a\0b"), unnamed):
         result = compile_mission(path, catalog=load_catalog())
         assert [d.code for d in result.diagnostics] == ["KYB001"], path
+
+
+def test_a_name_that_is_not_utf8_is_told(tmp_path: Path) -> None:
+    path = tmp_path / os.fsdecode(b"bad\xff.yaml")
+    [found] = compile_mission(path, catalog=load_catalog()).diagnostics
+    assert found.message.endswith("is not UTF-8: byte 0xff")
+    assert found.help == "rename the file or its folder"
 
 
 @pytest.mark.thorough

@@ -27,6 +27,9 @@ from kybflow.parts.catalog import Catalog, PartSpec, load_catalog
 CASES = {f"{case.family}: {case.heading}": case for case in sections()}
 
 
+_FOUND = re.compile(r"\S+:\d+:\d+ (error|warning)\[KYB\d{3}\]: ")
+
+
 class Autopilot(Sim):
     simulated = False
     grips = False
@@ -85,6 +88,11 @@ def report_of(case: Section, place: Path) -> str:
 @pytest.mark.parametrize("name", CASES)
 def test_report_is_exactly_this(name: str, tmp_path: Path) -> None:
     assert report_of(CASES[name], tmp_path) == CASES[name].report
+
+
+def test_every_finding_says_what_to_do() -> None:
+    findings = (d for case in CASES.values() for d in case.report.split("\n\n"))
+    assert [d for d in findings if _FOUND.match(d) and "      = help: " not in d] == []
 
 
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.mend])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from kybflow.dsl.diagnostics import Diagnostic, Findings
+from kybflow.dsl.reading.nodes import to_json
 from kybflow.dsl.reading.reader import compose
 
 SLIPS = {
@@ -47,6 +48,53 @@ def test_a_slip_is_told_in_words(slip: str) -> None:
     assert not found.message.startswith("this is not YAML")
     assert found.span.line == line
     assert way_out in found.help
+
+
+def test_tabs_before_a_comment_are_yaml() -> None:
+    found = Findings()
+    root = compose("a:\n\t# one\n  b: 1\n \t \n\t\t# two\n  c: 2 \t# three\n\t#\n", "m.yaml", found)
+    assert found.all == []
+    assert to_json(root) == {"a": {"b": 1, "c": 2}}
+
+
+def test_a_tab_that_indents_is_still_told_beside_one_before_a_comment() -> None:
+    [found] = findings_of("a:\n\t# one\n\tb: 1\n")
+    assert (found.span.line, found.message) == (3, "a tab can't indent YAML")
+
+
+STRANGE = {
+    "a:\n  b: {c: 1}\n\u00a0 d: 2\n  e: 3\n": (3, 1, "a no-break space (U+00A0) is before `d`"),
+    "a:\n  b: 1\n\u2003d: 2\n": (3, 1, "an em space (U+2003)"),
+    "a: \u201eb\u201c\n": (1, 4, 'write `"b"`'),
+    "\u00aba\u00bb: b\n": (1, 1, 'write `"a"`'),
+    "a: [b, \u2018c\u2019]\n": (1, 8, 'write `"c"`'),
+    "a\u200b: b\n": (1, 2, "a zero width space (U+200B) is behind `a`"),
+    "a: la\u202end\n": (1, 6, "a right-to-left override (U+202E) is in `land`"),
+    "a: b\u00a0\n": (1, 5, "write `b`"),
+}
+
+
+@pytest.mark.parametrize("text", STRANGE)
+def test_a_strange_character_is_named_where_it_is(text: str) -> None:
+    line, column, said = STRANGE[text]
+    [found] = findings_of(text)
+    assert (found.code, found.span.line, found.span.column) == ("KYB016", line, column)
+    assert said in f"{found.message}; {found.help}"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "log: \u201ehello\u201c\n",
+        "help: \u0646\u0645\u06cc\u200c\u062e\u0648\u0627\u0647\u0645\n",
+        'a: "\u201cb\u201d"\n',
+        "a: 1  # \u00a0\u201cnote\u201d\n",
+        "m\u00f6we: {H\u00e4nsel: \u00e9}\n",
+        "a: |\n  \u00a0x\n",
+    ],
+)
+def test_texts_and_letters_of_other_languages_are_left_alone(text: str) -> None:
+    assert findings_of(text) == []
 
 
 KEYS = {

@@ -36,7 +36,7 @@ def refusal(text: str) -> tuple[str, int]:
     [
         ("", "it has no header", 0),
         ("# nothing\n\n", "it has no header", 0),
-        ("0, 0, 0, 1\n", "`0` is not a column of a trajectory", 1),
+        ("0, 0, 0, 1\n", "it has no header", 1),
         ("t, x, y\n0, 0, 0\n", "the column `z` is missing", 1),
         ("t, x, x, y, z\n", "the column `x` occurs twice", 1),
         ("t, x, y, z, vx\n", "the column `vy` is missing", 1),

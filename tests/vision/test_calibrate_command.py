@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -140,6 +141,10 @@ SAID = {
         {"p.csv": "time, x, y, z, qw, qx, qy, qz\n0, 0, 0, 0, 1, 0, 0, 1\n"},
         "p.csv:2: the quaternion's length is 1.41, not 1",
     ),
+    "a pipe of frames": (["--frames", "pipe"], {}, "is neither a file nor a folder"),
+    "a device of frames": (["--frames", "/dev/zero"], {}, "is neither a file nor a folder"),
+    "a pipe of poses": (["--frames", ".", "--poses", "pipe"], {}, "not a regular file"),
+    "no end of poses": (["--frames", ".", "--poses", "/dev/zero"], {}, "not a regular file"),
     "no recording": (["--frames", ".", "--poses", "walk"], {}, "is not a recording of a run"),
 }
 
@@ -150,6 +155,7 @@ def test_a_wrong_command_line_is_told(
 ) -> None:
     arguments, files, said = SAID[case]
     monkeypatch.chdir(tmp_path)
+    os.mkfifo(tmp_path / "pipe")
     for name in ("frames", "walk"):
         (tmp_path / name).mkdir()
     for name, text in files.items():

@@ -60,8 +60,9 @@ def command(
         raise wrong(None, "give --poses or --standing, not both")
     if not len(plan.tags):
         raise wrong("MISSION", f"`{mission}` has no tags; add them in `world: {{tags: ...}}`")
-    if not frames.exists():
-        raise wrong("--frames", f"`{frames}` doesn't exist; give a video or a folder of images")
+    if not (frames.is_file() or frames.is_dir()):
+        what = "is neither a file nor a folder" if frames.exists() else "doesn't exist"
+        raise wrong("--frames", f"`{frames}` {what}; give a video or a folder of images")
     if is_of_a_run(frames):
         what = "belongs to a run, which keeps only a few frames, scaled and drawn on"
         raise wrong("--frames", f"`{frames}` {what}; record a video")

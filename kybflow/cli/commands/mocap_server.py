@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from math import isfinite
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -11,7 +10,9 @@ from typer import Argument, BadParameter, Exit, Option
 
 from kybflow.cli.arguments import Out, Seed, Sets, Target, compiled, refusing, repeated, wrong
 from kybflow.cli.output import echo
+from kybflow.core.errors import UnitError
 from kybflow.core.geometry import Vec3
+from kybflow.core.units import finite_number
 
 
 class StillBody(NamedTuple):
@@ -25,10 +26,10 @@ def still_body(text: str) -> StillBody:
     """Parse `NAME=X,Y,Z`."""
     name, _, numbers = text.rpartition("=")
     try:
-        x, y, z = map(float, numbers.split(","))
-    except ValueError:
-        x = y = z = float("nan")
-    if not name.strip() or not all(map(isfinite, (x, y, z))):
+        x, y, z = map(finite_number, numbers.split(","))
+    except (UnitError, ValueError):
+        name = ""
+    if not name.strip():
         raise BadParameter(f"`{text}` is not NAME=X,Y,Z")
     return StillBody(name.strip(), (x, y, z))
 

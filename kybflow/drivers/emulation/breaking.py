@@ -12,10 +12,13 @@ from collections.abc import Iterable
 from dataclasses import Field, dataclass, fields
 from typing import Any, NamedTuple, TypeVar
 
-from kybflow.core.errors import DriverError
+from kybflow.core.errors import DriverError, UnitError
 from kybflow.core.signals import NS, Time
+from kybflow.core.units import finite_number
 
 HEAL = "heal"
+SHARES = frozenset({"drop", "battery"})
+"""The failures whose value is a fraction."""
 Message = TypeVar("Message")
 
 
@@ -67,18 +70,21 @@ def read_break(text: str, kind: type[Failures]) -> Break:
         wants = "takes no value" if value else f"needs a value, as in `{name}=...`"
         raise DriverError(f"`{text}`: `{name}` {wants}")
     try:
-        at = float(seconds or 0.0)
-        if not is_switch:
-            _value(known[name], value)
-    except ValueError:
+        at = finite_number(seconds or "0")
+        given = 0.0 if is_switch else _value(known[name], value)
+    except UnitError:
         raise DriverError(f"`{text}` is not NAME[=VALUE][@SECONDS]") from None
+    if name in SHARES and isinstance(given, float) and not 0.0 <= given <= 1.0:
+        raise DriverError(f"`{text}`: `{name}` is from 0 to 1")
+    if at < 0.0:
+        raise DriverError(f"`{text}` begins before 0 s")
     return Break(round(at * NS), name, value)
 
 
 def _value(field: Field[Any], text: str) -> bool | float | str:
     if field.default is False:
         return True
-    return text if isinstance(field.default, str) else float(text)
+    return text if isinstance(field.default, str) else finite_number(text)
 
 
 class BreakableLink:

@@ -98,7 +98,7 @@ class Mavlink(Driver[MavlinkParams]):
             if params.address is not None:
                 read_address(params.address)
         except DriverError as error:
-            return Objection("address", str(error))
+            return Objection.of("address", error)
         return None
 
     @classmethod

@@ -9,6 +9,7 @@ from string import Formatter
 from typing import NamedTuple, get_args
 
 from kybflow.core.events import AlarmRaised
+from kybflow.core.names import NAME
 from kybflow.core.signals import ReactionName
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.actions import actions_of
@@ -20,8 +21,8 @@ from kybflow.dsl.plan import ActionKeys, CallbackPlan
 from kybflow.dsl.reading.nodes import entries_of, items_of
 from kybflow.parts.events import AWAITED_EVENTS
 
-_CUSTOM = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*\Z", re.ASCII)
-_PLACEHOLDER = re.compile(r"[A-Za-z_]\w*\Z", re.ASCII)
+_CUSTOM = re.compile(rf"{NAME}(\.{NAME})*\Z")
+_PLACEHOLDER = re.compile(rf"{NAME}\Z")
 _ALWAYS = ("event", "time")
 _NUMBERS = frozenset({"bound", "offset"})
 _OF_ALARMS = tuple(AlarmRaised.fields)

@@ -113,6 +113,7 @@ def _gap(part: PartPlan, what: str, origin: str, takes: Collection[Enum]) -> Dia
         f"`{part.name}` can't take the {what} of `{source}",
         part.span,
         label=f"takes {known or 'nothing'}",
+        help=f"remove `{part.name}`, or use another one that takes {what}",
     )
 
 

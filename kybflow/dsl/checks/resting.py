@@ -12,7 +12,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.durations import disturbances
 from kybflow.dsl.checks.flows import runs_of
 from kybflow.dsl.checks.reachability import endless_states, entries_after, entries_of, may_end
-from kybflow.dsl.checks.space import aim_of, shown_point
+from kybflow.dsl.checks.space import aim_of, own_place, shown_point
 from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 from kybflow.dsl.expanding.flows import given_vehicles, named_vehicles
 from kybflow.dsl.names import BUILT_IN
@@ -47,7 +47,7 @@ def rest_in_one_place(case: Case) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "KYB344",
                 f"`{b.name}` comes to rest where `{a.name}` does",
-                second.span,
+                own_place(b, second.span, first.span),
                 label=f"{format_quantity(distance(first.at, second.at), LENGTH)} away",
                 notes=(f"`{a.name}` rests at {shown_point(first.at)} ({first.span.at})",),
                 help=f"keep their resting places at least {format_quantity(apart, LENGTH)} apart",

@@ -48,15 +48,23 @@ def starts_too_close(case: Case) -> Iterator[Diagnostic]:
         if a is None:
             continue
         near = format_quantity(distance(a.start, b.start), LENGTH)
-        first = a.span_of("start", "at")
+        first, hint = a.span_of("start", "at"), "start them further apart"
+        if (start := b.entry("start")) is None or start.inherited:
+            hint = f"give `{b.name}` a start of its own, such as `start: {{at: [1, 0, 0]}}`"
         yield Diagnostic(
             "KYB312",
             f"`{b.name}` starts {near} from `{a.name}`",
-            b.span_of("start", "at"),
+            own_place(b, b.span_of("start", "at"), first),
             label=f"needs at least {format_quantity(_apart(a, b), LENGTH)}",
             notes=(f"`{a.name}` starts at {shown_point(a.start)} ({first.at})",),
-            help="start them further apart",
+            help=hint,
         )
+
+
+def own_place(vehicle: VehiclePlan, span: Span, other: Span) -> Span:
+    """Return where to report what is wrong with a vehicle: at `span`, or at its name if `span` is
+    `other`, that of the vehicle that it is like."""
+    return vehicle.span if span == other else span
 
 
 def _apart(a: VehiclePlan, b: VehiclePlan) -> float:

@@ -237,7 +237,8 @@ def _actions(node: Node, decoder: Decoder) -> Iterator[ActionKeys]:
     elif isinstance(value, Sequence):
         decoder.misplaced(value, name)
     else:
-        found.report("KYB171", f"`{name}` has no value", entry.key.span)
+        hint = f"write it, `{name}: ...`, or remove `{name}`"
+        found.report("KYB171", f"`{name}` has no value", entry.key.span, help=hint)
 
 
 def _targeted(entry: MappingEntry, decoder: Decoder) -> Iterator[ActionKeys]:
@@ -247,7 +248,8 @@ def _targeted(entry: MappingEntry, decoder: Decoder) -> Iterator[ActionKeys]:
         value: Any = None
         key = target.key
         if is_null(target.value):
-            decoder.found.report("KYB171", f"`{key.text}` has no value", key.span)
+            hint = f"write the new value, `{key.text}: ...`"
+            decoder.found.report("KYB171", f"`{key.text}` has no value", key.span, help=hint)
         elif name == "set":
             value = target.value
         elif name == "switch":

@@ -35,6 +35,7 @@ CODES = {
     "KYB390": "A sensor is assigned to an estimator that the vehicle doesn't have.",
     "KYB400": "A target replaces an input that the mission doesn't have, or a vehicle is called "
     "`inputs`, which is a key of every target.",
+    "KYB408": "Two names in `buttons` for one button of the device.",
 }
 _NOT_HERE = frozenset({"KYB140", "KYB141", "KYB370"})
 FILE = "--target"
@@ -282,14 +283,26 @@ def inputs_of(root: Mapping, target: str, decoder: Decoder) -> tuple[InputPlan, 
     return tuple(inputs)
 
 
-def _input(name: Scalar, node: Node, decoder: Decoder) -> InputPlan | None:
+def _input(own: Scalar, node: Node, decoder: Decoder) -> InputPlan | None:
     one: InputPlan | None = decoder.record(
-        InputPlan, node, name.span, name=name.text, button_names={}
+        InputPlan, node, own.span, name=own.text, button_names={}
     )
     if one is None:
         return None
     cls, params = one.part.cls, one.part.params
     stuck = cls.stuck_after if one.stuck_after is None else one.stuck_after
-    given = {device: name for name, device in one.buttons.items()}
+    given: dict[str, str] = {}
+    buttons = one.entry("buttons")
+    for name, entry in entries_of(None if buttons is None else buttons.value).items():
+        device = one.buttons[name]
+        if device in given:
+            message = f"the button `{device}` can't be both `{given[device]}` and `{name}`"
+            decoder.found.report(
+                "KYB408",
+                message,
+                entry.value.span,
+                help=f"give `{name}` another button, or remove it",
+            )
+        given.setdefault(device, name)
     names = {b: given.get(b, b) for b in cls.buttons(params) if b in given or b not in one.buttons}
     return one.but(stuck_after=stuck, button_names=names, at=one.part.span.at)

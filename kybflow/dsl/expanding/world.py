@@ -23,8 +23,10 @@ from kybflow.core.geometry import (
     multiply,
     rotate,
 )
+from kybflow.core.names import CHARACTER
 from kybflow.core.params import RecordOf, fields_of
 from kybflow.core.text import did_you_mean
+from kybflow.core.units import LENGTH, format_measured, format_quantity
 from kybflow.dsl.diagnostics import PREFIX, Findings
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.records import EMPTY
@@ -73,6 +75,7 @@ CODES = {
     "KYB155": "An obstacle is not exactly one solid.",
     "KYB156": "An obstacle has no inside, such as a box with its corners in the wrong order, or a "
     "plane without a direction.",
+    "KYB162": "The fence has a side that is too short to fly in, such as a height of 3 cm.",
     "KYB380": "An entry of `tags` is not exactly one of a grid, a tag and a file.",
     "KYB381": "A tag has a number that its family doesn't have.",
     "KYB382": "A grid of tags is invalid: its `count` is not two numbers, or it leaves out tags "
@@ -99,12 +102,27 @@ def world_of(node: Node | None, decoder: Decoder) -> World:
     if box is not None and not _has_inside(box):
         message = f"the fence is empty: {_crossed(box)}"
         decoder.found.report("KYB153", message, world.fence.span, help=_ORDER)
+    elif box is not None and (narrow := _narrowest(box))[0] < _LEAST_ROOM:
+        size, what = narrow
+        message = f"the fence is {format_measured(size, 'm')} {what}"
+        hint = f"are metres meant? write `{format_quantity(100.0 * size, LENGTH)}` for it"
+        decoder.found.report("KYB162", message, world.fence.span, help=hint)
     whole: World = world.but(box=box, points={**world.points, **lost})
     return whole
 
 
 def _has_inside(box: Box) -> bool:
     return all(a < b for a, b in zip(box.low, box.high, strict=True))
+
+
+def _narrowest(box: Box) -> tuple[float, str]:
+    """Return the shortest side of a box, in metres, and what it is called."""
+    names = ("wide along x", "wide along y", "high")
+    return min((b - a, name) for a, b, name in zip(box.low, box.high, names, strict=True))
+
+
+_LEAST_ROOM = 0.2
+"""The shortest side of a room in which anything flies, metres."""
 
 
 def _crossed(box: Box) -> str:
@@ -204,7 +222,7 @@ def _columns(chart: OccupancyParams, image: File, found: Findings) -> Columns | 
     return None
 
 
-_NAMED = re.compile(r"world\.points\.(\w+)\Z", re.ASCII)
+_NAMED = re.compile(rf"world\.points\.({CHARACTER}+)\Z")
 
 
 class Points:

@@ -26,7 +26,14 @@ from kybflow.core.text import nearest
 from kybflow.core.units import DURATION, LENGTH, NUMBER, Dimension
 from kybflow.dsl.diagnostics import PREFIX, Diagnostic, Findings, Text
 from kybflow.dsl.expressions import tree
-from kybflow.dsl.expressions.semantics import HEALTH, Operand, Scope, Semantics, is_quantity
+from kybflow.dsl.expressions.semantics import (
+    HEALTH,
+    Operand,
+    Scope,
+    Semantics,
+    is_quantity,
+    of_each,
+)
 from kybflow.dsl.expressions.tokens import Cursor, Token, Unreadable
 from kybflow.dsl.expressions.tree import shown_value
 from kybflow.parts.observables import OBSERVABLES
@@ -199,6 +206,9 @@ class _Parser:
 
     def _group_in_state(self) -> tree.Condition:
         quantifier = cast("tree.Quantifier", self._tokens.take().text)
+        first, _, rest = self._tokens.peek().text.partition(".")
+        if rest in OBSERVABLES and self._tokens.peek(1).kind == "operator":
+            raise self._value_of_each(quantifier, first, rest)
         name = self._name("a group")
         vehicles = self._semantics.group(name)
         self._tokens.expect("in")
@@ -207,6 +217,24 @@ class _Parser:
             if len(self._found.all) == before:
                 self._semantics.state(vehicle, token)
         return tree.GroupInState(quantifier, name.text, vehicles, token.text)
+
+    def _value_of_each(self, quantifier: str, group: str, name: str) -> Unreadable:
+        """Report a comparison after `all` or `any`, and return the exception to raise. The hint
+        writes it for each vehicle."""
+        whole = self._tokens.take()
+        start = whole.end
+        self._tokens.take()
+        if self._tokens.peek().kind in ("quantity", "name"):
+            self._tokens.take()
+        rest = f"{name}{self._text.text[start : self._tokens.behind()]}"
+        members = self._scope.groups.get(group, (group,))
+        word = "or" if quantifier == "any" else "and"
+        message = f"`{quantifier}` takes `GROUP in STATE`, and no comparison"
+        hint = f"write it of each vehicle: {of_each(members, rest, word)}"
+        self._semantics.report(
+            "KYB210", whole._replace(end=self._tokens.behind()), message, "", hint
+        )
+        return Unreadable()
 
     def _comparison(self) -> tree.Condition:
         left = self._operand()

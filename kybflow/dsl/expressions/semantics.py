@@ -153,6 +153,19 @@ class Semantics:
         if first in scope.vehicles and rest:
             known = _fitting(rest, OBSERVABLES, other)
             self.report_unknown(inner, f"`{rest}` of `{first}` is unknown", known)
+        elif first in scope.groups and rest in OBSERVABLES:
+            message = f"`{first}` is a group, and `{rest}` is one vehicle's"
+            hint = f"write it of each: {of_each(scope.groups[first], f'{rest} ...')}"
+            self.report("KYB212", token, message, "several vehicles", hint)
+        elif token.text in OBSERVABLES and scope.kind != "health":
+            message = f"`{token.text}` belongs to a vehicle, but none is named"
+            hint = f"write `{next(iter(scope.vehicles), 'VEHICLE')}.{token.text}`"
+            if token.text == "elapsed":
+                hint += (
+                    ", the time in its behavior; `time` is the time since the start, and"
+                    " `after: 5 s` in a `next` the time in a phase"
+                )
+            self.report("KYB211", token, message, "of which vehicle?", hint)
         elif first in scope.inputs and rest:
             self.report_unknown(inner, f"`{first}` has no axis `{rest}`", scope.inputs[first])
         else:
@@ -188,7 +201,8 @@ class Semantics:
             self.report("KYB212", right.token, message, "can't be compared", hint)
         if operator not in ("==", "!=") and left.dimension is right.dimension is None:
             message = "names are compared with `==` and `!=`"
-            self.report("KYB212", right.token, message, "names have no order")
+            hint = f"write `{left.source} == {right.source}`"
+            self.report("KYB212", right.token, message, "names have no order", hint)
         return self._in_chain(a, operator, b) or Compare(operator, a, b)
 
     def _in_chain(self, a: object, operator: ComparisonOperator, b: object) -> Condition | None:
@@ -213,6 +227,8 @@ class Semantics:
             if other.dimension is RATIO and not 0.0 <= value <= 1.0:
                 message = f"`{other.source}` is never more than 100 % or less than 0 %"
                 hint = "write a value from 0 % to 100 %"
+                if side.source.isdecimal() and value <= 100.0:
+                    hint = f"`{side.source} %` is meant: a bare number is a share, and 1 is 100 %"
                 self.report("KYB215", side.token, message, "never reached", hint)
             return Quantity(value, other.dimension)
         if is_quantity(side):
@@ -238,6 +254,15 @@ class Semantics:
             message = f"`{vehicle}` has no {read.name} `{token.text}`"
             self.report_unknown(token, message, known)
         return Word(token.text)
+
+
+def of_each(vehicles: Collection[str], rest: str, word: str = "and") -> str:
+    """Return a condition about the value `rest` of each vehicle, for a hint."""
+    shown = f" {word} ".join(f"{vehicle}.{rest}" for vehicle in list(vehicles)[:_MOST_EACH])
+    return f"`{shown}{' ...' if len(vehicles) > _MOST_EACH else ''}`"
+
+
+_MOST_EACH = 3
 
 
 def _fitting(name: str, known: Collection[str], other: Operand | None) -> Collection[str]:

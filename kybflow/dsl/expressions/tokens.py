@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
+from kybflow.core.names import CHARACTER, LETTER
 from kybflow.core.text import as_typed
 from kybflow.dsl.diagnostics import Findings, Text
 from kybflow.dsl.reading.nodes import NAME_A_POINT, NO_POINT, no_commas
@@ -13,9 +14,10 @@ from kybflow.dsl.reading.nodes import NAME_A_POINT, NO_POINT, no_commas
 KEYWORDS = frozenset({"and", "or", "not", "in", "to", "within", "always", "eventually", "finally"})
 """The words of the language, which can't be the name of a vehicle or state."""
 
+_WORD = f"{CHARACTER[:-1]}-]"
 _TOKEN = re.compile(
     r"\s*(?:(?P<quantity>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
-    r"|(?P<name>[^\W\d][\w-]*(?:\.[\w-]+)*)"
+    rf"|(?P<name>{LETTER}{_WORD}*(?:\.{_WORD}+)*)"
     r"|(?P<operator><=|>=|==|!=|<|>)"
     r"|(?P<bracket>[()\[\]])"
     r"|(?P<unreadable>.)"

@@ -337,6 +337,9 @@ _READERS: dict[type[ValueType], _Reader] = {
 """The function that decodes a value of each type; `decode_value` decodes all others."""
 
 
+_REPEATS = frozenset({"repeat", "repeats", "loop", "loops", "times", "count", "repetitions"})
+
+
 def meant(
     part: str, key: str, node: Mapping, known: dict[str, Field], beside: Collection[str]
 ) -> str:
@@ -346,6 +349,9 @@ def meant(
         return f"`{part}` has no parameters"
     if key.lower() in known and key.lower() in node.entries:
         return f"remove `{key}`: `{key.lower()}` is already set"
+    if key in _REPEATS and "next" in beside:
+        own = "`laps: 3` flies several; " if "laps" in known else ""
+        return f"{own}a state is entered again where another leads back to it, as by `then: NAME`"
     near = nearest(key, known) or nearest(key, beside, _LIKENESS)
     if not near and "for" in beside:  # a fault: what it is to do could be meant as well as when
         return did_you_mean(key, {*known, *beside})

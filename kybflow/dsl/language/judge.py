@@ -68,7 +68,7 @@ from kybflow.dsl.reading.nodes import (
     to_json,
 )
 from kybflow.dsl.reading.values import TYPES, decode_value
-from kybflow.dsl.reading.yaml_errors import CONDITIONS, missing_colon
+from kybflow.dsl.reading.yaml_errors import CONDITIONS, LACKS_COLON, missing_colon
 
 if TYPE_CHECKING:
     from jsonschema.protocols import Validator
@@ -120,6 +120,8 @@ def judge_file(root: Node, kind: Any) -> list[Diagnostic]:
             elif isinstance(node, Sequence):
                 name = name if name.endswith("]") else f"{name}[{step}]"
                 node = node.items[int(step)]
+        if any(isinstance(s, str) and LACKS_COLON.match(s) for s in error.absolute_path):
+            continue  # the name itself is reported
         schema = error.schema if isinstance(error.schema, dict) else {}
         keyword, wanted = str(error.validator), error.validator_value
         fault = SchemaViolation(keyword, wanted, error.instance, schema, node, name)
@@ -330,6 +332,8 @@ def _explain_version(fault: SchemaViolation) -> Iterator[Diagnostic]:
     node = fault.node
     shown = node.text if isinstance(node, Scalar) else describe(node)
     message = f"version `{shown}` of the mission language is not supported"
+    if isinstance(node, Scalar) and node.quoted and node.text.strip() == "1":
+        message = "the version is a number, but its quotes make it a text"
     yield Diagnostic("KYB111", message, node.span, help="write `kybflow: 1`")
 
 
@@ -352,6 +356,10 @@ def _explain_name(fault: SchemaViolation) -> Iterator[Diagnostic]:
     if isinstance(fault.node, Mapping) and fault.keyword == "pattern":
         span = fault.node.entries[name].key.span
         hint = NAMED
+        if cut := LACKS_COLON.match(name):
+            message, rest = f"a colon is missing after `{cut[1]}`", name[cut.end() - 1 :]
+            yield Diagnostic("KYB014", message, span, help=f"write `{cut[1]}: {rest}: ...`")
+            return
         if _WORDS.fullmatch(name):
             hint = f"write `{re.sub('[- ]', '_', name)}`: {hint}"
         yield Diagnostic("KYB110", f"`{name}` can't be a name", span, help=hint)
@@ -409,7 +417,7 @@ def _way_out(fault: SchemaViolation, types: list[str]) -> str:
             return missing_colon(node.text)
         if "array" in types and node.text.startswith("-"):
             return "a list has a space after each `-`"
-        if list(dict.fromkeys(types)) == ["string"]:
+        if list(dict.fromkeys(types)) == ["string"] and not node.is_null:
             most, quoted = schema.get("maxLength"), f'"{node.text[:60]}" in quotes'
             return _rule_of_names(most) if most else f"write {quoted} if you mean the text"
     if schema.get("examples") and fault.keyword == "type":
@@ -424,6 +432,14 @@ def _reshaped(node: Node, types: list[str], name: str) -> str:
     list; empty if neither applies."""
     if types == ["array"] and isinstance(node, Scalar) and node.text:
         return "write it as a list: each item on its own line, after `- `"
+    if isinstance(node, Sequence) and "array" not in types and "string" in types and node.items:
+        first = node.items[0]
+        one = f"`{name}: {first.text}`" if isinstance(first, Scalar) else "it without the brackets"
+        others = "; the next behavior is a state of its own, which `then` names"
+        one = f"one: {one}" if isinstance(first, Scalar) else one
+        return f"write {one}{others if name == 'do' else ''}"
+    if isinstance(node, Scalar) and node.is_null and types == ["object"]:
+        return f"write `{name}: {{NAME: {{...}}}}`"
     if name and types == ["object"] and isinstance(node, Sequence):
         return f"write it in braces: `{name}: {{...}}`"
     is_mapping = name and types == ["array"] and isinstance(node, Mapping)

@@ -44,13 +44,19 @@ Finish = Callable[[Schema, Field, bool], Schema]
 """A function that completes the schema of a field's value. Its last argument is whether the key may
 be missing."""
 _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
-_PARAMETER = r"\$[A-Za-z_]\w*"
-_PLACE = rf"^{_PARAMETER}$|^world\.points\.[A-Za-z_]\w*$"
+_NAME = (
+    r"[^\u0000-\u0040\u005b-\u005e\u0060\u007b-\u00a0]"
+    r"[^\u0000-\u002f\u003a-\u0040\u005b-\u005e\u0060\u007b-\u00a0]*"
+)
+"""Matches a name, and more than that beyond ASCII, because editors know no classes of letters; the
+reader refuses the rest."""
+_PARAMETER = rf"\$(?:{_NAME})"
+_PLACE = rf"^{_PARAMETER}$|^world\.points\.{_NAME}$"
 PARAMETER, PLACE = re.compile(rf"^{_PARAMETER}$"), re.compile(_PLACE)
 """Match a text that stands for a value until parameters and points of the world are resolved."""
-NAME = r"^[A-Za-z_][A-Za-z0-9_]*(?!\n)$"
+NAME = rf"^{_NAME}(?!\n)$"
 """The pattern of a name. With `$` alone, Python would accept a line break after the name."""
-DOTTED = r"^[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*(?!\n)$"
+DOTTED = rf"^{_NAME}(\.{_NAME})*(?!\n)$"
 NAMES = {"name": re.compile(NAME), "dotted": re.compile(DOTTED), "any": re.compile("")}
 TITLE_LENGTH = 60
 BOUNDS = {

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from kybflow.core import names
 from kybflow.dsl.diagnostics import Inset, Span, Text
 
 _NULL = frozenset({"", "~", "null", "Null", "NULL"})
@@ -20,7 +21,7 @@ _INTEGER = re.compile(r"[+-]?\d{1,300}\Z", re.ASCII)
 _FLOAT = re.compile(r"[+-]?(\d+\.\d*|\.\d+|\d+)([eE][+-]?\d+)?\Z", re.ASCII)
 _NUMERIC = frozenset("+-.0123456789")
 """The characters with which a number may begin."""
-NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z", re.ASCII)
+NAME = re.compile(rf"{names.NAME}\Z")
 
 
 NO_COMMAS = "the language has no commas: write `distance(a to b)`, `separation(a and b)`"

@@ -13,7 +13,7 @@ import hashlib
 import itertools
 import os
 import re
-import stat
+import unicodedata
 from pathlib import Path
 from typing import Any, NamedTuple, TypeGuard
 
@@ -27,8 +27,9 @@ from yaml.events import (
     StreamEndEvent,
 )
 
+from kybflow.core.files import NotRegular, read_regular
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
+from kybflow.dsl.diagnostics import Diagnostic, Findings, Span, has_errors
 from kybflow.dsl.reading.nodes import (
     NAME,
     NAME_A_POINT,
@@ -39,8 +40,15 @@ from kybflow.dsl.reading.nodes import (
     Scalar,
     Sequence,
     is_cut,
+    items_of,
 )
-from kybflow.dsl.reading.yaml_errors import CLOSE, not_yaml, without_colon
+from kybflow.dsl.reading.yaml_errors import (
+    CLOSE,
+    not_yaml,
+    strange_characters,
+    strange_names,
+    without_colon,
+)
 
 CODES = {
     "KYB001": "The file can't be opened or is not a regular file.",
@@ -62,6 +70,8 @@ MAX_DEPTH = 40
 LONG = "a long path belongs in a table of its own, which `do: follow_trajectory` flies"
 """The hint for a file that is too large."""
 _SHOWN_LETTERS = 60
+_TABS = re.compile(r"^ *\t[ \t]*(?=#|\r?$)", re.MULTILINE)
+"""Tabs before a comment or in an empty line, which are YAML, but which its C parser refuses."""
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -71,13 +81,20 @@ class _Unreadable(Exception):
 
 def compose(text: str, file: str, found: Findings) -> Node | None:
     """Return the node tree of `text`, or None if it can't be composed; report what is wrong."""
+    own, root = Findings(), None
     try:
-        return _Composer(text, file, found).document(_Loader(text))
+        root = _Composer(text, file, own).document(_Loader(text))
     except _Unreadable:
-        return None
+        pass  # the reason is reported
     except (yaml.YAMLError, UnicodeError) as error:
-        found.add(not_yaml(error, text, file))
-        return None
+        spaced = _TABS.sub(lambda tabs: " " * len(tabs[0]), text)
+        if spaced != text:
+            return compose(spaced, file, found)
+        stopped = not_yaml(error, text, file)
+        is_told = any(d.span.line == stopped.span.line for d in own.all if has_errors([d]))
+        own.add(() if is_told else stopped)
+    found.add(own.all)
+    return root
 
 
 class _Composer:
@@ -89,6 +106,7 @@ class _Composer:
         self._anchors: dict[str, Node | None] = {}
         self._sizes: dict[str, int] = {}
         self._total = 0
+        self._is_ascii = text.isascii()
 
     @functools.cached_property
     def _lines(self) -> list[str]:
@@ -206,10 +224,16 @@ class _Composer:
             self._found.report("KYB010", f"`{name}` has two colons", key.span, help=hint)
         elif key.text in entries:
             first, again = entries[key.text].key.span, key.span
-            message = f"`{key.text}` is written twice"
-            self._found.report("KYB007", message, again, "again", (f"first at {first.at}",))
-            self._found.report("KYB007", message, first, "first", (f"again at {again.at}",))
+            message, hint = f"`{key.text}` is written twice", "remove one of them, or rename it"
+            self._found.report("KYB007", message, again, "again", (f"first at {first.at}",), hint)
+            self._found.report("KYB007", message, first, "first", (f"again at {again.at}",), hint)
         else:
+            if not self._is_ascii:
+                strange_characters(key, self._found)
+                strange_names(key, value, self._found)
+                for item in items_of(value) or (value,):
+                    if isinstance(item, Scalar):
+                        strange_characters(item, self._found, key.text)
             entries[key.text] = MappingEntry(key, value)
 
     def _stopped(self, code: str, message: str, event: Any, help: str = "") -> _Unreadable:
@@ -244,6 +268,8 @@ def read(path: Path, file: str) -> ParsedFile:
     found = Findings()
     data = _bytes_of(path, file, found)
     text = None if data is None else _decode(data, file, found)
+    if text is not None and not text.isascii():
+        text = unicodedata.normalize("NFC", text)
     root = None if text is None else compose(text, file, found)
     digest = "" if data is None or text is None else hashlib.sha256(data).hexdigest()
     return ParsedFile(file, text or "", digest, root, tuple(found.all))
@@ -251,12 +277,16 @@ def read(path: Path, file: str) -> ParsedFile:
 
 def _bytes_of(path: Path, file: str, found: Findings) -> bytes | None:
     start = Span(file, 1, 1, 1, 1)
+    if not file.isascii() and (byte := next((c for c in file if "\udc80" <= c <= "\udcff"), "")):
+        shown = file.encode("utf-8", "backslashreplace").decode()
+        message = f"the name of `{shown}` is not UTF-8: byte 0x{ord(byte) & 0xFF:02x}"
+        found.report("KYB001", message, start, help="rename the file or its folder")
+        return None
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            found.report("KYB001", f"`{file}` is not a file", start, help=_near(path))
-            return None
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
+        data = read_regular(path, MAX_BYTES)
+    except NotRegular:
+        found.report("KYB001", f"`{file}` is not a file", start, help=_near(path))
+        return None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         message = f"`{file}` can't be read: {reason.lower()}"
@@ -272,6 +302,8 @@ def _bytes_of(path: Path, file: str, found: Findings) -> bytes | None:
 def _near(path: Path) -> str:
     """Return the hint for a missing file: the most similar name in the folder, or an empty
     string."""
+    if os.path.exists(path) and not os.path.isdir(path):
+        return "give a regular file: a pipe or a device may never end"
     try:
         folder = path if os.path.isdir(path) else path.parent
         names = [str(folder / f.name) for f in itertools.islice(folder.glob("*.yaml"), MOST_FILES)]
@@ -318,10 +350,7 @@ def _is_ours(path: Path) -> bool:
     """Return whether a file has such a key at the top level, or can't be read: an unreadable file
     is reported when it is opened."""
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            return True
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES)
+        data = read_regular(path, MAX_BYTES)
     except OSError:
         return True
     # NUL and invalid bytes are dropped so that UTF-16 is found here and refused by the reader

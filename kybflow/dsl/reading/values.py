@@ -5,15 +5,16 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import operator
 import os
 import re
-import stat
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
 from kybflow.core.errors import FileError, UnitError
-from kybflow.core.files import File, FilePath
+from kybflow.core.files import File, FilePath, NotRegular, read_regular
+from kybflow.core.names import NAME
 from kybflow.core.params import (
     BOOLEAN,
     FILE,
@@ -62,7 +63,7 @@ N = TypeVar("N", int, float)
 MAX_FILE_BYTES = 4_000_000
 _MAX_SCALAR = 100
 _SHOWN_LETTERS = 60
-_POINT = re.compile(r"(?:world\.)?points?\.([A-Za-z_]\w*)\Z", re.ASCII)
+_POINT = re.compile(rf"(?:world\.)?points?\.({NAME})\Z")
 _BARE = re.compile(r"[-+.\deE]+\Z", re.ASCII)
 _INTEGER = re.compile(r"[+-]?\d+\Z", re.ASCII)
 _TRUTHS = {"true": True, "True": True, "false": False, "False": False}
@@ -101,7 +102,8 @@ def decode_value(node: Node, field: Field, found: Findings) -> Any:
     flaw = field.flaw(value)
     if flaw is None:
         return value
-    found.report("KYB105", f"`{field.key}` {flaw}", node.span)
+    hint = f"write it like `{example_of(field.type)}`" if isinstance(field.type, Numbers) else ""
+    found.report("KYB105", f"`{field.key}` {flaw}", node.span, help=hint)
     return None
 
 
@@ -204,7 +206,7 @@ def _way_inside(value: float, node: Scalar, field: Field) -> str:
     be within them, or an example if the value is not positive."""
     dimension, bare = field.dimension, node.text.strip()
     if dimension is None or not dimension.units:
-        return ""
+        return _nearest_bound(value, field)
     for unit, factor in sorted(dimension.units.items(), key=lambda item: -item[1]):
         if _BARE.match(bare) and factor < 1.0 and field.is_within(value * factor):
             return f"did you mean `{bare} {unit}`?"
@@ -213,7 +215,27 @@ def _way_inside(value: float, node: Scalar, field: Field) -> str:
     if usual is not None and usual > 0.0:
         example = format_quantity(usual, dimension)
     fits = field.is_within(parse_quantity(example, dimension))
-    return f"write it like `{example}`" if value <= 0.0 and fits else ""
+    return f"write it like `{example}`" if value <= 0.0 and fits else _nearest_bound(value, field)
+
+
+def _nearest_bound(value: float, field: Field) -> str:
+    """Return the hint that names the bound beyond which a value is."""
+    for bound, words in _BOUND_WORDS.items():
+        limit = getattr(field, bound)
+        if limit is not None and not _HOLDS[bound](value, limit):
+            return words.format(_shown(limit, field.dimension))
+    return ""
+
+
+_BOUND_WORDS = {
+    "above": "write more than `{}`",
+    "at_least": "write `{}` or more",
+    "below": "write less than `{}`",
+    "at_most": "write `{}` or less",
+}
+_HOLDS: dict[str, Callable[[float, float], bool]] = {
+    "above": operator.gt, "at_least": operator.ge, "below": operator.lt, "at_most": operator.le,
+}  # fmt: skip
 
 
 _TEN_SECONDS = "10 s"
@@ -256,6 +278,9 @@ def _wrong(node: Node, field: Field, found: Findings, shape: str = "") -> None:
         hint = f"write it like `{example_of(kind, one)}`"
     if field.type is INTEGER:
         hint = f"write it like `{NUMBER.example}`"
+    if not hint and isinstance(node, Sequence) and node.items:
+        first = node.items[0]
+        hint = f"write one: `{field.key}: {first.text}`" if isinstance(first, Scalar) else ""
     if shape == "vector":
         hint = _three_numbers(node) or hint
     if field.names == "group" and isinstance(node, Sequence):
@@ -373,10 +398,9 @@ def _read(name: str, folder: Path, errors: str) -> File:
         path = Path(os.path.realpath(folder / name))
         if Path(name).is_absolute() or not path.is_relative_to(os.path.realpath(folder)):
             raise FileError(f"`{name}` is outside of the mission's folder", hint=_INSIDE)
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise FileError(f"`{name}` is not a file", hint=_CREATE)
-        with path.open("rb") as stream:
-            data = stream.read(MAX_FILE_BYTES + 1)
+        data = read_regular(path, MAX_FILE_BYTES)
+    except NotRegular:
+        raise FileError(f"`{name}` is not a file", hint=_CREATE) from None
     except FileNotFoundError:
         raise FileError(f"there is no file `{name}`", hint=_CREATE) from None
     except (OSError, ValueError) as error:

@@ -12,12 +12,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from kybflow.core.text import as_typed
+from kybflow.core.names import name_flaw
+from kybflow.core.text import as_typed, character_name, in_typographic_quotes, unseen
 from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
 from kybflow.dsl.reading.nodes import (
+    NAME,
     NAME_A_POINT,
     NO_POINT,
     MappingEntry,
+    Node,
     Scalar,
     is_cut,
     no_commas,
@@ -26,6 +29,8 @@ from kybflow.dsl.reading.nodes import (
 CODES = {
     "KYB004": "The file is not YAML.",
     "KYB014": "A key has no colon: a decimal comma, a comma in a text or a forgotten colon.",
+    "KYB016": "A character comes from a word processor or can't be seen, or a name mixes "
+    "letters of several scripts.",
 }
 _SPECIAL = {"*": "an alias", "&": "an anchor", "!": "a tag", "%": "a directive"}
 _OPEN = {
@@ -46,6 +51,7 @@ _SHOWN_LETTERS = 60
 CONDITIONS = frozenset({"when", "healthy"})
 """The keys whose values are conditions."""
 _TEXTS = frozenset({"log", "stop", "summary", "help"})
+"""The keys whose values are texts for people."""
 _COMPARED = re.compile(r"[<>=]|\w in \w")
 _JOINED = re.compile(r"([A-Za-z_]\w*):(\S.*)\Z", re.ASCII | re.DOTALL)
 """A key and its value without a space after the colon, which YAML reads as one word."""
@@ -54,6 +60,8 @@ _TWO_WORDS = re.compile(r"([A-Za-z_]\w*)(?:\s*=\s*|\s+)([^\s=<>].*)\Z", re.ASCII
 _LAST_NUMBER = re.compile(r"(?:^|.*[\s<>=(\[])[-+]?\d+\Z", re.DOTALL)
 _DIGITS = re.compile(r"\d+(?!\w*[.:])")
 _BARE = re.compile(r"[-+]?\d+(\.\d*)?\Z", re.ASCII)
+LACKS_COLON = re.compile(r"([A-Za-z_]\w*) *[{\[]", re.ASCII)
+"""A key and the beginning of its value without a colon between them."""
 _THOUSANDS = re.compile(r"\d{3}\b")
 _IN_PARENTHESES = re.compile(r"\([-+\d.][^()]*\)\Z")
 """A list in the notation of other languages, in parentheses."""
@@ -122,6 +130,9 @@ def not_yaml(error: Exception, text: str, file: str) -> Diagnostic:
     problem = getattr(error, "problem", None) or "it can't be understood"
     start = None if began is None else (began.line, began.column)
     stop = _Stop(file, text.splitlines(), mark.line, mark.column, start)
+    for row in (stop.row, _above(stop.lines, stop.row)):
+        if row is not None and (strange := _strange_indent(file, stop.lines, row)):
+            return strange
     at_fault = stop.line[: _indent(stop.line)] + stop.character
     if problem == _TOO_DEEP:
         return replace(stop.finding("nested deeper than a mission needs", CLOSE), code="KYB011")
@@ -136,6 +147,62 @@ def not_yaml(error: Exception, text: str, file: str) -> Diagnostic:
     return explained
 
 
+_INDENT = "indent with spaces of the keyboard"
+
+
+def _strange_indent(file: str, lines: list[str], row: int) -> Diagnostic | None:
+    """Return KYB016 if a line is indented with another character than spaces and tabs."""
+    line = lines[row] if row < len(lines) else ""
+    at = unseen(line)
+    if at is None or line[:at].strip():
+        return None
+    span = Span(file, row + 1, at + 1, row + 1, at + 2)
+    message = f"{character_name(line[at])} indents this line"
+    return Diagnostic("KYB016", message, span, help=_INDENT)
+
+
+def strange_characters(node: Scalar, found: Findings, key: str = "") -> None:
+    """Report a key or value without quotes that contains a character that can't be seen, or is in
+    the quotes of a word processor. key: the key of a value. Texts for people are left alone."""
+    text, span = node.text, node.span
+    if text.isascii() or node.quoted or key in _TEXTS:
+        return
+    at = unseen(text)
+    if in_typographic_quotes(text):
+        message, at = f"`{text[0]}` is no quote of YAML and would belong to the text", 0
+        hint = f'write `"{text[1:-1][:_SHOWN_LETTERS]}"`'
+    elif at is not None and not (key and text.strip() == text and text[at].isspace()):
+        rest = (text[:at] + text[at + 1 :]).strip()[:_SHOWN_LETTERS]
+        where = "before" if at == 0 else "behind" if at == len(text) - 1 else "in"
+        message, hint = f"{character_name(text[at])} is {where} `{rest}`", f"write `{rest}`"
+        if at == 0 and text[0].isspace():
+            hint = _INDENT
+    else:
+        return
+    if span.line == span.end_line:
+        column = span.column + at
+        span = span._replace(column=column, end_column=column + 1)
+    found.report("KYB016", message, span, help=hint)
+
+
+def strange_names(key: Scalar, value: Node, found: Findings) -> None:
+    """Report a key, or the name of a mission or library, that is not the name that it seems."""
+    named = [key]
+    if key.text in _TITLED and isinstance(value, Scalar):
+        named.append(value)
+    for name in named:
+        if not name.quoted and (unseen(name.text) is not None or in_typographic_quotes(name.text)):
+            continue  # that is reported
+        flaw = next(filter(None, map(name_flaw, name.text.split("."))), "")
+        if flaw:
+            message = f"`{name.text[:_SHOWN_LETTERS]}` can't be a name: {flaw}"
+            found.report("KYB016", message, name.span, help=_ONE_SCRIPT)
+
+
+_TITLED = ("mission", "library")
+_ONE_SCRIPT = "use the letters of one script, such as a to z, digits and `_`"
+
+
 def _colonless(stop: _Stop, row: int) -> Diagnostic:
     line = stop.lines[row]
     text, place = line.strip(), (row, _indent(line))
@@ -146,11 +213,18 @@ def _colonless(stop: _Stop, row: int) -> Diagnostic:
     if joined := re.match(r"(\w+:)\S", text):
         return stop.finding(f"a space is missing after `{joined[1]}`", hint, place, width)
     message = f"a colon is missing in `{shown}`" if hint else f"`{shown}` is not a `key: value`"
+    if NAME.match(text):
+        message, hint = f"a colon is missing after `{shown}`", f"write `{shown}:`"
     return stop.finding(message, hint or "write `key: value`", place, width)
 
 
 def _second_colon(stop: _Stop) -> Diagnostic | None:
     """Explain a colon in the value of a key, in the same line or below it."""
+    if cut := LACKS_COLON.match(stop.line.strip()):
+        text, indent = stop.line.strip(), _indent(stop.line)
+        message = f"a colon is missing after `{cut[1]}`"
+        hint = f"write `{cut[1]}: {text[cut.end(1) :].strip()[:_SHOWN_LETTERS]}`"
+        return stop.finding(message, hint, (stop.row, indent), len(cut[1]))
     if first := _KEY.match(stop.line[: stop.column]):
         message = f"a second colon after `{first[1]}:`"
         return stop.finding(message, "put the value in quotes, or its keys in `{...}`")

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import kybflow
 from kybflow.core.text import nearest
-from kybflow.dsl.diagnostics import Diagnostic, Findings
+from kybflow.dsl.diagnostics import Diagnostic, Findings, has_errors
 from kybflow.dsl.language.judge import judge_file
 from kybflow.dsl.plan import Library
 from kybflow.dsl.reading.nodes import Mapping, Scalar
@@ -154,9 +154,9 @@ class LibraryFile(NamedTuple):
 def judged(source: ParsedFile) -> LibraryFile:
     """Return the library with the findings about its shape."""
     root = source.root
-    if source.found or not isinstance(root, Mapping) or "library" not in root.entries:
+    if has_errors(source.found) or not isinstance(root, Mapping) or "library" not in root.entries:
         return LibraryFile(source, source.found)
-    return LibraryFile(source, tuple(judge_file(root, Library)))
+    return LibraryFile(source, (*source.found, *judge_file(root, Library)))
 
 
 @functools.lru_cache(maxsize=64)

@@ -4,12 +4,14 @@ of a chain sets them; `Substitution` replaces `$name` by their values."""
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterable, Iterator
 from collections.abc import Mapping as MappingOf
 from decimal import Decimal
 from math import inf
 from typing import Any, NamedTuple
 
+from kybflow.core import names
 from kybflow.core.params import TEXT, Field
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import LENGTH, NUMBER, RATIO
@@ -46,14 +48,14 @@ CODES = {
     "KYB133": "A parameter is unused (a warning).",
 }
 _BOUNDS = ("above", "at_least", "below", "at_most")
-_WHOLE = re.compile(r"\$([A-Za-z_]\w*)\Z", re.ASCII)
-_INSIDE = re.compile(r"\$([A-Za-z_]\w*)", re.ASCII)
+_WHOLE = re.compile(rf"\$({names.NAME})\Z")
+_INSIDE = re.compile(rf"\$({names.NAME})")
 _EXPRESSIONS = frozenset({"when", "healthy", "expect"})
 
 
 class BoundParameter(NamedTuple):
     """A parameter with its value. parameter: the typed value. node: the node that replaces `$name`.
-    span: the location of the declaration. is_set: whether a file sets the value, in contrast to the
+    span: the location of the declaration. is_set: whether it is set, in contrast to the
     default or `--set`."""
 
     parameter: Parameter
@@ -81,7 +83,8 @@ class Setting(NamedTuple):
 def parse_settings(sets: Iterable[str], found: Findings) -> dict[str, Setting]:
     """Return the values of `--set name=value` by name, and report invalid settings."""
     settings: dict[str, Setting] = {}
-    for line, text in enumerate(sets, start=1):
+    for line, given in enumerate(sets, start=1):
+        text = unicodedata.normalize("NFC", given)
         before, equals, value = text.partition("=")
         name, span = before.strip(), Span(SET, line, 1, line, len(text) + 1)
         if not equals or not NAME.match(name) or not value.strip() or "\n" in text:
@@ -187,8 +190,8 @@ def _declare(
         value = _value(setting, field, found)
     if value is None:
         return None
-    shown, is_set = _typed(node, field), setting is not None and node.span.file != SET
-    return BoundParameter(Parameter(name, kind.text, value), shown, span, is_set)
+    shown = _typed(node, field)
+    return BoundParameter(Parameter(name, kind.text, value), shown, span, setting is not None)
 
 
 def _value(node: Node, field: Field, found: Findings) -> Any:

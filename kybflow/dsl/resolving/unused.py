@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from collections.abc import Mapping as MappingOf
 
+from kybflow.core.names import CHARACTER
 from kybflow.dsl.diagnostics import PREFIX, Diagnostic, Severity
 from kybflow.dsl.reading.nodes import (
     Mapping,
@@ -25,8 +26,8 @@ CODES = {
     "Entries of a library may be unused, and so may those that a comment names.",
     "KYB128": "An import is unused (a warning).",
 }
-_WORD = re.compile(r"\w+")
-_POINT = re.compile(re.escape(PREFIX) + r"(\w+|\$)")
+_WORD = re.compile(rf"{CHARACTER}+")
+_POINT = re.compile(re.escape(PREFIX) + rf"({CHARACTER}+|\$)")
 _WAYS = {
     "groups": "name it where a vehicle is expected",
     "stacks": "use it as `- stack: {}`",

@@ -4,12 +4,14 @@
                  0, 0, 0, 1, 0,  0,  0,  0
                  ...
 
-A table of comma-separated values: t, x, y, z are needed; velocities (vx, vy, vz), accelerations
-(ax, ay, az) and yaw may follow. Without a unit in the header (`x [cm]`) a column is SI; yaw says
-`[deg]` or `[rad]`. Between rows it flies quintic pieces without a step in position, velocity or
-acceleration; derivatives that the file doesn't give come from splines
-(`kybflow.flight.trajectory`). The file must be in the mission's folder or below it, and begin and
-end at rest. It is checked with the mission: its format, positions, speeds and accelerations.
+A table of values separated by commas, semicolons or tabs: t, x, y, z are needed; velocities (vx,
+vy, vz), accelerations (ax, ay, az) and yaw may follow. Without a unit in the header (`x [cm]`) a
+column is SI; yaw says `[deg]` or `[rad]`. Between rows it flies quintic pieces without a step in
+position, velocity or acceleration; derivatives that the file doesn't give come from splines
+(`kybflow.flight.trajectory`). Polynomial pieces of uav_trajectories, for Crazyswarm, are read as
+well, as coordinates of the world (`kybflow.flight.polynomial_pieces`). The file must be in the
+mission's folder or below it, and begin and end at rest. It is checked with the mission: its format,
+positions, speeds and accelerations.
 
 Start gate: it refuses to start further than `gate` from the first point (TeleKyb's playback had
 0.5 m as well). Otherwise it flies there in a straight line and turns to the first yaw. The file's

@@ -22,13 +22,15 @@ run's scheduled commands.
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from kybflow.core.errors import CommandUnreadable
+from kybflow.core.errors import CommandUnreadable, UnitError
 from kybflow.core.signals import PlannedPoint
 from kybflow.core.text import did_you_mean
+from kybflow.core.units import parse_number
 from kybflow.dsl.plan import Emit, Enable, EnterPhase, Perform, SetOption, Stop, Switch
 
 PREFIX = "operator."
@@ -143,7 +145,7 @@ def parse(words: str) -> Order:
     command is written."""
     if len(words) > MOST_LETTERS:
         raise CommandUnreadable(f"a command has at most {MOST_LETTERS} letters, not {len(words)}")
-    command, *rest = words.split() or [""]
+    command, *rest = unicodedata.normalize("NFC", words).split() or [""]
     form = _FORMS.get(command)
     if form is None:
         hint = did_you_mean(command, _FORMS)
@@ -193,14 +195,14 @@ def _track(rest: list[str]) -> TrackOrder | None:
     known: dict[str, Any] = {}
     try:
         for name, value in zip(names, written, strict=True):
-            numbers = [float(number) for number in value.strip().strip("[]").split(",")]
+            numbers = [parse_number(number) for number in value.strip().strip("[]").split(",")]
             if name in ("time", "heading"):
                 (known[name],) = numbers
             else:
                 x, y, z = numbers
                 known[name] = (x, y, z)
         return TrackOrder(rest[0], PlannedPoint(**known))
-    except (ValueError, TypeError):  # too few or too many numbers, or an unknown name
+    except (UnitError, ValueError, TypeError):  # too few or too many numbers, or an unknown name
         return None
 
 
@@ -214,7 +216,7 @@ def _written(point: PlannedPoint) -> list[str]:
     return words if point.heading is None else [*words, f"heading={point.heading!r}"]
 
 
-_ASSIGNED = re.compile(r"(?:^| )([A-Za-z_]\w*)=")
+_ASSIGNED = re.compile(r"(?:^| )([^\W\d]\w*)=")
 _FORMS: Mapping[str, _Form] = {
     "emit": _Form(" EVENT", lambda rest: named(rest[0]) if len(rest) == 1 else None),
     "switch": _Form(" VEHICLE STATE [PARAMETER=VALUE ...]", _switch),

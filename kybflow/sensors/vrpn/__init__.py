@@ -60,7 +60,7 @@ class Vrpn(Sensor[VrpnParams]):
         try:
             read_address(params.host, params.opening == "direct")
         except DriverError as error:
-            return Objection("host", str(error))
+            return Objection.of("host", error)
         return None
 
     @classmethod

@@ -82,7 +82,7 @@ def _frames(path: Path, camera: Camera) -> Iterator[WalkFrame]:
     if path.is_dir():
         for file in sorted(path.iterdir()):
             if file.suffix.lower() in _IMAGES:
-                image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+                image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) if file.is_file() else None
                 if image is None:
                     raise CalibrationFailed(f"`{file}` is not an image")
                 said = _SECONDS.match(file.stem)

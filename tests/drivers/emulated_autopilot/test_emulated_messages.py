@@ -247,7 +247,13 @@ def test_what_fails_can_be_written(text):
     assert what.at == round(float(text.partition("@")[2] or 0.0) * 1e9)
 
 
-@pytest.mark.parametrize("text", ["nothing", "battery", "battery=full", "blind=1", "deaf@soon"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "nothing", "battery", "battery=full", "blind=1", "deaf@soon", "battery=nan@1", "deaf@nan",
+        "battery=0_5", "drop=2", "battery=-0.1", "deaf@-1", "deaf@inf",
+    ],
+)  # fmt: skip
 def test_what_can_t_fail_is_said(text):
-    with pytest.raises(DriverError, match=r"can fail|value|is not"):
+    with pytest.raises(DriverError, match=r"can fail|value|is not|is from 0 to 1|before 0 s"):
         read_break(text, AutopilotFailures)

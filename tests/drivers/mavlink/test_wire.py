@@ -4,6 +4,7 @@ opened again, flooded."""
 from __future__ import annotations
 
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -357,7 +358,8 @@ def test_an_address_is_written_like_this(text: str, expected: Address) -> None:
         ("udpin:[::1]:14540", "write `udpin:HOST:PORT`"),
         ("udpout:14540", "has no host: write `udpout:HOST:14540`"),
         ("tcp:5760", "has no host: write `tcp:HOST:5760`"),
-        ("tcp://127.0.0.1:5760", "write `tcp:HOST:PORT`"),
+        ("tcp://127.0.0.1:5760", "write `tcp:127.0.0.1:5760`"),
+        ("udpout://:14540", "has no host: write `udpout:HOST:14540`"),
         ("udpin:127.0.0.1:0", "ports go from 1 to 65535"),
         ("tcp:localhost:65536", "ports go from 1 to 65535"),
         ("serial:/dev/ttyUSB0", "write `serial:DEVICE:BAUD`, as in"),
@@ -380,3 +382,19 @@ def test_neither_pymavlink_nor_pyserial_is_needed_to_read_one() -> None:
         [sys.executable, "-c", program], check=True, capture_output=True, text=True
     )
     assert done.stdout == "udpin:127.0.0.1:1\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "udp://:14540", "udp://0.0.0.0:14540", "udp:14540", "udp:192.168.1.4:14550", "udpin://:1",
+        "udpout://10.0.0.1:14550", "tcp://localhost:5760", "serial:///dev/ttyUSB0:57600",
+    ],
+)  # fmt: skip
+def test_what_is_suggested_for_an_address_is_one(text: str) -> None:
+    with pytest.raises(DriverError) as caught:
+        read_address(text)
+    suggested = re.findall(r"`([^`]+)`", str(caught.value).partition(": write ")[2])
+    assert suggested
+    for one in suggested:
+        read_address(one)

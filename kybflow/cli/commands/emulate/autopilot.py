@@ -10,7 +10,8 @@ from typer import BadParameter, Option
 from kybflow.cli.arguments import Seed, failing, refusing, repeated
 from kybflow.cli.commands.emulate import serving
 from kybflow.cli.output import echo
-from kybflow.core.errors import DRIVER_FAILED
+from kybflow.core.errors import DRIVER_FAILED, UnitError
+from kybflow.core.units import finite_number
 from kybflow.drivers import firmware_names
 
 if TYPE_CHECKING:
@@ -30,8 +31,8 @@ def setting(text: str) -> AutopilotParameter:
     """Parse `NAME=VALUE`."""
     name, _, value = text.partition("=")
     try:
-        return AutopilotParameter(name.strip(), float(value))
-    except ValueError:
+        return AutopilotParameter(name.strip(), finite_number(value))
+    except UnitError:
         raise BadParameter(f"`{text}` is not NAME=VALUE with a number") from None
 
 

@@ -23,6 +23,7 @@ from pathlib import Path
 from string import hexdigits
 
 from kybflow.core.errors import DriverError
+from kybflow.core.files import read_all
 
 SIGNATURE_BYTES = 13
 """The size of a signature with its link id and time, bytes."""
@@ -78,7 +79,7 @@ def read_key(path: Path) -> bytes:
     in QGroundControl and MAVProxy. Whitespace around a text is ignored. Warns if other users may
     read the file. Raises DriverError."""
     try:
-        data, mode = path.read_bytes(), path.stat().st_mode
+        data, mode = read_all(path), path.stat().st_mode
     except OSError as error:
         raise DriverError(f"no key can be read from `{path}`: {error.strerror}") from error
     if mode & (stat.S_IRGRP | stat.S_IROTH):

@@ -140,6 +140,10 @@ class Address(NamedTuple):
 def read_address(text: str) -> Address:
     """Parse an address. Raises DriverError, which says what to write instead."""
     kind, _, rest = text.strip().partition(":")
+    if rest.startswith("//"):  # as MAVSDK writes it
+        plain = f"{kind}:{rest[2:].removeprefix(':').rstrip('/')}"
+        read_address(plain)  # what else is wrong with it
+        raise DriverError(f"`{text}` is no MAVLink address: write `{plain}`")
     if kind == "serial":
         device, _, baud = rest.rpartition(":")  # a device may have colons in its name
         if not device or not re.fullmatch(r"\d{3,8}", baud):
@@ -149,9 +153,10 @@ def read_address(text: str) -> Address:
             )
         return Address("serial", device, int(baud))
     if kind == "udp":
+        called = rest if ":" in rest else f"{LOOPBACK}:{rest}"
         raise DriverError(
             f"`{text}` could mean two things: write `udpin:{rest}` to wait for the autopilot to"
-            f" send, or `udpout:{rest}` to send first"
+            f" send, or `udpout:{called}` to send first"
         )
     if kind not in KINDS:
         raise DriverError(f"`{text}` is not a MAVLink address: {_FORMS}")
