@@ -84,7 +84,7 @@ def test_a_walk_corrects_a_mission(tmp_path: Path) -> None:
     result = given(mission, "--frames", frames, "--poses", poses, "--write", lab)
     assert result.exit_code == 0, result.output
     assert "frames: 8 of 8 show tags, out of 8" in result.output
-    assert "clock: the poses' is +5.000 s from the frames'" in result.output
+    assert "clock: the poses are +5.000 s ahead of the frames" in result.output
     (roll,) = re.findall(r"^  roll +(\S+) deg", result.output, re.MULTILINE)
     assert float(roll) == pytest.approx(0.6, abs=0.05)
     text = (lab / "tags.csv").read_text(encoding="utf-8")

@@ -77,7 +77,7 @@ def calibration_lines(found: WalkCalibration, read: int, total: int) -> Iterator
     if poses is not None and not poses.all():
         yield f"left out: {int((~poses).sum())} of {len(poses)} poses that don't fit"
     if found.ahead is not None:
-        yield f"clock: the poses' is {found.ahead:+.3f} s from the frames'"
+        yield f"clock: the poses are {found.ahead:+.3f} s ahead of the frames"
     yield ""
     lens = list(_lens(found))
     yield f"{f'lens of `{name}`':<18}{_COLUMNS}"

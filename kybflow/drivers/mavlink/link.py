@@ -197,7 +197,7 @@ class AutopilotLink(Link):
         if self._grip is None:
             raise Refused("it carries no payload")
         if self.override is not None:
-            raise Refused(f"somebody else has it: {self.override.reason}")
+            raise Refused(f"a pilot or another program controls it: {self.override.reason}")
         done = self._grip.ask(is_open, now)
         if done is None:
             return

@@ -80,8 +80,8 @@ def never_emitted(case: Case) -> Iterator[Diagnostic]:
     """KYB415: a transition or a callback waits for an event that its vehicle can't have.
 
     For example, the vehicle has no camera or no payload, or there is no fence. A vehicle that
-    nobody else can command, such as one in a simulator, gets a warning, and only if the mission has
-    no `targets` of its own.
+    no pilot can command, such as one in a simulator, gets a warning, and only if the mission has no
+    `targets` of its own.
     """
     (known,) = case.cached(known_events)
     for vehicle, state in case.states():

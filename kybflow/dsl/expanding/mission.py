@@ -199,7 +199,7 @@ def _callback(node: Mapping, decoder: Decoder) -> CallbackPlan | None:
         found.report("KYB461", message, head_of(node), help=hint)
     for entry in asked if event is None else ():
         message = f"`{entry.key.text}` is a field of an event, but there is no `event`"
-        hint = "add `event: NAME`, or ask for it in the `when`"
+        hint = "add `event: NAME`, or test it in the `when`"
         found.report("KYB461", message, entry.key.span, help=hint)
     if not items:
         what = f"callback of `{event.text}`" if isinstance(event, Scalar) else "callback"

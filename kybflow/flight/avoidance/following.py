@@ -91,7 +91,7 @@ _BLOCKED_TIME_S = 0.05
 
 
 class AvoidanceBlocked(ProcessorEvent):
-    """The vehicle has no way left and brakes."""
+    """The vehicle has no safe path left and brakes."""
 
     reason: str
 

@@ -107,8 +107,8 @@ class OuterLoop(NamedTuple):
 
 
 def on_board(outer: OuterLoop, inner: InnerLoop) -> Response:
-    """Return the response of the on-board loop, which must be stable before the others mean
-    anything."""
+    """Return the response of the on-board loop, which must be stable for the other responses to be
+    meaningful."""
     loop, lag, cut_off, dead_time, *_ = inner
     p, rate, integral = loop.proportional, loop.derivative, loop.integral
     if outer.attitude is not None:

@@ -17,7 +17,11 @@ from kybflow.parts import Effect, Fault, param, params
 class WindParams:
     velocity: Velocity = param("Velocity of the air, world frame.", read_only=True)
     rise: Duration = param(
-        "Time until the full velocity.", default=2.0, at_least=0.0, at_most=600.0, read_only=True
+        "Time until the wind reaches its full velocity.",
+        default=2.0,
+        at_least=0.0,
+        at_most=600.0,
+        read_only=True,
     )
 
 

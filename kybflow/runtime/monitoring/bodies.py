@@ -224,7 +224,7 @@ class _Body:
         self._wavered = 0
 
     def receive(self, of: str) -> None:
-        """Record whose poses arrive from now on; empty if they are the body's own."""
+        """Record the vehicle whose poses arrive from now on; empty if they are the body's own."""
         self.of = of
 
     def leave(self, last: Pose) -> None:

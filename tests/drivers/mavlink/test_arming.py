@@ -136,7 +136,7 @@ def test_a_vehicle_that_somebody_else_armed_is_not_touched():
     bench.fake.go("POSITION")
     bench.fake.sent.clear()
     bench.run(5.0, RESTING)
-    with pytest.raises(Refused, match="somebody else has it"):
+    with pytest.raises(Refused, match="a pilot or another program controls it"):
         bench.link.arm(UP, bench.now)
     bench.run(3.0, RESTING)
     assert bench.fake.commands(ARM) == bench.fake.commands(SET_MODE) == []

@@ -91,7 +91,7 @@ class OffboardControl:
         Raises Refused, after requesting to disarm if arming failed."""
         if self._status.armed and (self.goal is OffboardGoal.NONE or self.override is not None):
             reason = "it is armed" if self.override is None else self.override.reason
-            raise Refused(f"somebody else has it: {reason}")
+            raise Refused(f"a pilot or another program controls it: {reason}")
         if self.goal is not OffboardGoal.ARM or self._arming is None:
             self._begin(OffboardGoal.ARM, now)
             self._arming = Arming(
@@ -159,7 +159,7 @@ class OffboardControl:
         """Land in the autopilot's own land mode; return whether the vehicle is disarmed. Called
         once a tick. Raises Refused."""
         if self.override is not None and not self.override.lands:
-            raise Refused(f"somebody else has it: {self.override.reason}")
+            raise Refused(f"a pilot or another program controls it: {self.override.reason}")
         if self.goal is not OffboardGoal.LAND or self.override is not None:
             self._begin(OffboardGoal.LAND, now)
             self._mode_before_land = self.modes.reported

@@ -57,7 +57,7 @@ INDOORS = (
     Needed("EK3_SRC1_VELZ", 0, "no velocity of GPS"),
     Needed("EK3_SRC1_YAW", 6, "its heading is the one from kybflow"),
     Needed("GPS_TYPE", 0, "no GPS indoors", restart=True),
-    Needed("COMPASS_ENABLE", 0, "no compass among steel and currents", restart=True),
+    Needed("COMPASS_ENABLE", 0, "no compass near steel and currents", restart=True),
     Needed("FS_THR_ENABLE", 0, "it flies without a transmitter; with one, 3 (land) is as good",
             {3: "it lands when its transmitter is lost"}),
     Needed("FS_GCS_ENABLE", 5, "it lands when our heartbeat stops"),

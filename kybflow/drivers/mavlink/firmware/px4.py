@@ -50,7 +50,7 @@ INDOORS = (
     Needed("EKF2_EVA_NOISE", 0.03, "standard deviation of a heading", rule="at_most"),
     Needed("EKF2_HGT_REF", 3, "heights are those of kybflow's world", restart=True),
     Needed("EKF2_GPS_CTRL", 0, "no GPS indoors"),
-    Needed("EKF2_MAG_TYPE", 5, "no compass among steel and currents", restart=True),
+    Needed("EKF2_MAG_TYPE", 5, "no compass near steel and currents", restart=True),
     Needed("EKF2_RNG_CTRL", 0, "a range finder would shift the height by 0.3 m"),
     Needed("EKF2_BARO_CTRL", 1, "without vision the barometer must still detect a landing"),
     Needed("SYS_HAS_GPS", 0, "it would not arm without one", restart=True),

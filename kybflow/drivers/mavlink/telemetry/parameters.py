@@ -178,8 +178,8 @@ class AutopilotParameters:
         return self._ours.get(name, name)
 
     def _forget(self, name: str, exchange: _Exchange) -> None:
-        """Handle that no parameter has this name: request the parameter by its other name, or
-        record it as missing if that was tried."""
+        """Handle the report that no parameter has this name: request the parameter by its other
+        name, or record it as missing after that."""
         if name in self._renamed and name not in self._names:
             self._names[name] = self._renamed[name]
             exchange.begin_anew()
