@@ -20,8 +20,8 @@ A deflection v is measured from the edge of its dead zone d, with the expo e:
     ...
 
 The input uses the first controller whose name contains `controller`. Controllers may be plugged in
-and out at any time; while there is none, the input is lost. Requires `pip install
-'kybflow[inputs]'`.
+and out at any time; while there is none, or if it lacks the source of an axis, the input is lost.
+Write `none` for an axis that the device doesn't have. Requires `pip install 'kybflow[inputs]'`.
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ from kybflow.parts.base import Objection
 from kybflow.parts.input import SticksOf
 
 _RAW = tuple(f"axis{i}" for i in range(sdl.NUMBERS))
-SOURCES = (*sdl.PAD_AXES, *_RAW)
+NONE = "none"
+"""The source of an axis that always reads zero."""
+SOURCES = (*sdl.PAD_AXES, *_RAW, NONE)
 BUTTONS = (
     *sdl.PAD_BUTTONS, "hat_left", "hat_right", "hat_down", "hat_up",
     *(f"button{i}" for i in range(sdl.NUMBERS)),
@@ -140,6 +142,7 @@ class PadLink(InputLink):
         self._reading: InputReading | None = None
         self._name = ""
         self._gone = False
+        self._missing: dict[str, str] = {}
         sdl.listen(self._receive)
 
     def _receive(self, states: tuple[sdl.PadState, ...]) -> None:
@@ -163,12 +166,18 @@ class PadLink(InputLink):
             named = next((table for part, table in tables.items() if part.lower() in name), {})
             maps = {axis: named.get(axis) or Calibration(getattr(p, axis)) for axis in AXES}
             axes = {a: deflection(maps[a].read(state), p.dead_zone, p.expo) for a in AXES}
+            sources = {axis: maps[axis].source.removeprefix("-") for axis in AXES}
+            self._missing = {a: s for a, s in sources.items() if s not in state.axes and s != NONE}
             self._reading = InputReading(now, axes, frozenset(held))
         return self._reading
 
     def trouble(self) -> str | None:
         if not self._gone:
-            return None
+            missing = next(iter(self._missing.items()), None)
+            if missing is None:
+                return None
+            axis, source = missing
+            return f"`{self._name}` has no axis `{source}`: give `{axis}` another source, or `none`"
         if self._name:
             return f"`{self._name}` is unplugged"
         wanted = self._params.controller

@@ -113,12 +113,18 @@ class Engine:
         self._next_look: Time = 0
         self._reported_late: Time | None = None
         self._ticked: Time | None = None
+        self._begun: Time = 0
         self._landing: str | None = None
         self._stopped: str | None = None
 
     def seconds(self) -> float:
         """Return the seconds since the run began."""
         return self.clock.now / NS
+
+    def mission_seconds(self) -> float:
+        """Return the seconds since the preflight was over, which may take long with a cold
+        autopilot; zero before."""
+        return (self.clock.now - self._begun) / NS if self.flying else 0.0
 
     def run(self) -> str | None:
         """Run the preflight, then tick until every vehicle rests; land all at the time limit.
@@ -133,12 +139,12 @@ class Engine:
             return "preflight: " + "; ".join(f"{x.vehicle}: {x.check}: {x.reason}" for x in red)
         for vehicle in self.vehicles:
             vehicle.begin(self._condition(vehicle.name))
-        self.flying = True
+        self.flying, self._begun = True, self.clock.now
         limit = self.plan.time_limit
         height = 0.0 if self.plan.fence is None else self.plan.fence.high[2]
         landed_by = limit + max(LANDING_TIMEOUT, height / SLOWEST_DESCENT)
         while not self._over():
-            seconds = self.seconds()
+            seconds = self.mission_seconds()
             if self.interrupts > 1:
                 return "interrupted twice: commands were stopped"
             if self.interrupts:

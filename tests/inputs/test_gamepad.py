@@ -14,6 +14,7 @@ from virtual_pad import VirtualPad
 from kybflow.core.errors import FileError
 from kybflow.core.files import File
 from kybflow.core.signals import InputReading
+from kybflow.inputs import sdl
 from kybflow.inputs.gamepad import Gamepad, GamepadParams, PadLink, read_controllers
 
 RIGHT_X, RIGHT_Y = 2, 3
@@ -54,6 +55,22 @@ def until(link: PadLink, what: Callable[[InputReading], bool]) -> InputReading:
 
     waiting.until(heard, "the device")
     return said[0]
+
+
+def test_an_axis_that_the_device_lacks_is_trouble(monkeypatch: pytest.MonkeyPatch) -> None:
+    listening = []
+    monkeypatch.setattr(sdl, "listen", listening.append)
+    link = PadLink(GamepadParams())
+    [receive] = listening
+    axes = dict.fromkeys(("left_x", "left_y", "right_x"), 0.0)
+    receive((sdl.PadState("Half a pad", axes, frozenset()),))
+    link.read(0)
+    assert (
+        link.trouble() == "`Half a pad` has no axis `right_y`: give `x` another source, or `none`"
+    )
+    receive((sdl.PadState("A pad", {**axes, "right_y": 0.0}, frozenset()),))
+    link.read(0)
+    assert link.trouble() is None
 
 
 def test_the_sticks_are_those_of_mode_two(opened: Callable[..., PadLink], pad: VirtualPad) -> None:
@@ -111,7 +128,7 @@ def test_only_the_controller_that_is_named_is_heard(
 
 
 def test_a_joystick_that_sdl_does_not_know_has_numbers(opened: Callable[..., PadLink]) -> None:
-    link = opened(x="axis4", dead_zone=0.0, expo=0.0)
+    link = opened(x="axis4", y="axis0", z="axis1", turn="none", dead_zone=0.0, expo=0.0)
     stick = VirtualPad(kind=2)
     stick.move(4, 0.5)
     stick.press(7)

@@ -17,7 +17,7 @@ from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, Failed, Setpoint, SetpointKind, Tick, Truth
 from kybflow.drivers.sim import Sim
-from kybflow.dsl.expressions import Finally, InState
+from kybflow.dsl.expressions import Finally, Finished, InState
 from kybflow.dsl.plan import EstimatorPlan, ExpectationPlan, TransitionPlan
 from kybflow.parts import AIR, Entry
 from kybflow.world.shapes import Box
@@ -71,6 +71,15 @@ def test_the_same_plan_and_seed_give_the_same_bytes_and_another_seed_others(run)
     assert (first / log).read_bytes() == (second / log).read_bytes()
     assert (first / "events.jsonl").read_bytes() == (second / "events.jsonl").read_bytes()
     assert (first / log).read_bytes() != (other / log).read_bytes()
+
+
+def test_the_time_of_a_mission_counts_from_the_end_of_its_preflight(run):
+    expected = ExpectationPlan("finished within 60 s", Finished(60.0), "m.yaml:1")
+    flown, _ = run(vehicle("a", [up("down"), down()]), expectations=(expected,))
+    [verdict] = flown.summary["expectations"]
+    begun = flown.summary["vehicles"]["a"]["behaviors"][0]["start_s"]
+    assert begun > 0.0
+    assert verdict["value"] == pytest.approx(flown.summary["sim_time_s"] - begun, abs=0.01)
 
 
 def test_a_part_that_raises_lands_its_vehicle_and_no_other(run):

@@ -182,7 +182,7 @@ def _flown(
     finally:
         devices.close()
     seconds = engine.seconds()
-    return seconds, engine.judge.verdicts(None if unfinished else seconds)
+    return seconds, engine.judge.verdicts(None if unfinished else engine.mission_seconds())
 
 
 def ideal(plan: Plan) -> Plan:

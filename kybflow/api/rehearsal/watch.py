@@ -101,7 +101,7 @@ class Watch:
     def on_tick(self, engine: Engine) -> None:
         """Check the vehicles' batteries, and their positions against the fence and against each
         other."""
-        left = self._plan.time_limit - engine.seconds()
+        left = self._plan.time_limit - engine.mission_seconds()
         if 0.0 < left < TIME_LIMIT_MARGIN_S:  # before the engine lands the vehicles that still fly
             self._unfinished = (next(_unfinished(engine), None), self._states())
         places = {v.name: v.truth.position for v in engine.vehicles if v.truth is not None}
@@ -147,7 +147,7 @@ class Watch:
     def end(self, engine: Engine) -> None:
         """Make the findings about the end. Called after the engine has stopped."""
         waiting, notes = self._unfinished
-        if waiting is not None and engine.seconds() >= self._plan.time_limit:
+        if waiting is not None and engine.mission_seconds() >= self._plan.time_limit:
             limit = self._plan.time_limit
             self._add(findings.not_finished(waiting, limit, notes, self._texts))
         for one, other in combinations(engine.vehicles, 2):
