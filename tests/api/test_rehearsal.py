@@ -284,7 +284,7 @@ def test_a_flow_that_stalls(tmp_path: Path) -> None:
 
     assert one.code == "KYB476"
     assert one.message.startswith("the phase `rise` of `team` is not over within its time of 50 s")
-    assert one.severity is Severity.WARNING
+    assert one.severity is Severity.ERROR
 
 
 FORMED = """\

@@ -143,27 +143,24 @@ def failsafe_acted(
     return Diagnostic("KYB474", said, own.span, why, notes, hint)
 
 
-def failed(own: Doing, why: str, *, answered: bool) -> Diagnostic:
-    """KYB475: a behavior fails or refuses to start although nothing is broken. It is a warning if
-    the mission says what follows, and if a flow or a callback requests a state that the vehicle
-    can't enter at that time: the vehicle then stays in its state."""
+def failed(own: Doing, why: str) -> Diagnostic:
+    """KYB475: a behavior fails or refuses to start although nothing is broken, or a flow or a
+    callback requests a state that the vehicle can't enter at that time."""
     said = f"`{own.state}` ({own.part}) of `{own.vehicle}` fails {own.when}"
-    return Diagnostic("KYB475", said, own.span, why, severity=_warning_if(answered))
+    return Diagnostic("KYB475", said, own.span, why)
 
 
 def refused(own: Doing, wanted: str, why: str, at: str, texts: Texts) -> Diagnostic:
     """KYB475: a vehicle refuses to enter a state."""
     said, span = f"`{own.vehicle}` refuses to enter `{wanted}` {own.when}", span_at(at, texts)
-    return Diagnostic("KYB475", said, span, why, (own.note,), severity=Severity.WARNING)
+    return Diagnostic("KYB475", said, span, why, (own.note,))
 
 
-def timed_out(own: Doing, limit: float | None, *, answered: bool) -> Diagnostic:
-    """KYB476: a `within` of a behavior or of a phase runs out although nothing is broken. It is a
-    warning if the mission says what follows."""
+def timed_out(own: Doing, limit: float | None) -> Diagnostic:
+    """KYB476: a `within` of a behavior or of a phase runs out although nothing is broken."""
     after = "" if limit is None else f" of {format_quantity(limit, DURATION)}"
     said = f"`{own.state}` of `{own.vehicle}` is not done within its limit{after}, {own.when}"
-    severity = _warning_if(answered)
-    return Diagnostic("KYB476", said, own.span, _LONGER, help=_MORE_TIME, severity=severity)
+    return Diagnostic("KYB476", said, own.span, _LONGER, help=_MORE_TIME)
 
 
 def phase_timed_out(
@@ -174,7 +171,7 @@ def phase_timed_out(
     after = "" if limit is None else f" of {format_quantity(limit, DURATION)}"
     said = f"the phase `{phase.name}` of `{flow}` is not over within its time{after}"
     said, span = f"{said}, at {seconds:.1f} s", span_at(phase.at, texts)
-    return Diagnostic("KYB476", said, span, _LONGER, notes, _MORE_TIME, Severity.WARNING)
+    return Diagnostic("KYB476", said, span, _LONGER, notes, _MORE_TIME)
 
 
 class Waiting(NamedTuple):
@@ -242,8 +239,7 @@ def unmet(expectation: str, at: str, value: str, texts: Texts) -> Diagnostic:
     said = f"`{expectation}` does not hold on ideal vehicles"
     label = f"it is {value}" if value else "not met"
     hint = "change the expectation or the mission"
-    span = span_at(at, texts)
-    return Diagnostic("KYB482", said, span, label, help=hint, severity=Severity.WARNING)
+    return Diagnostic("KYB482", said, span_at(at, texts), label, help=hint)
 
 
 class StraightWay(NamedTuple):

@@ -213,14 +213,12 @@ class Watch:
         vehicle, why = self._vehicles[event.vehicle], str(event.fields["reason"])
         state = vehicle.plan.states[str(event.fields["behavior"])]
         if not _steers(state):
-            own, answered = self._doing_in(vehicle, state), _answers(state.transitions)
-            found = findings.failed(own, why, answered=answered)
-            self._add_in(state, vehicle, found)
+            self._add_in(state, vehicle, findings.failed(self._doing_in(vehicle, state), why))
 
     def _part_failed(self, event: Event) -> None:
         vehicle = self._vehicles[event.vehicle]
         why = f"`{event.fields['part']}` failed: {event.fields['reason']}"
-        found = findings.failed(self._doing(vehicle), why, answered=False)
+        found = findings.failed(self._doing(vehicle), why)
         self._add_in(vehicle.runner.state, vehicle, found)
 
     def _switch_refused(self, event: Event) -> None:
@@ -239,9 +237,7 @@ class Watch:
         if how == "within" and (footprint is None or not footprint.is_endless):
             own = self._doing_in(vehicle, state)
             limit = next((t.after for t in state.transitions if t.cause == "within"), None)
-            answered = _answers(state.transitions)
-            found = findings.timed_out(own, limit, answered=answered)
-            self._add_in(state, vehicle, found)
+            self._add_in(state, vehicle, findings.timed_out(own, limit))
 
     def _behavior_waits(self, event: Event) -> None:
         """Handle a landing that waits because another vehicle, presumably the nearest, is below."""
@@ -333,11 +329,6 @@ def _steers(state: StatePlan) -> bool:
 
 def _is_steered(vehicle: Vehicle) -> bool:
     return _steers(vehicle.runner.state)
-
-
-def _answers(transitions: Iterable[TransitionPlan]) -> bool:
-    """Return whether the mission defines what follows a failure."""
-    return any(t.cause == "failed" and not t.implied for t in transitions)
 
 
 def _unfinished(engine: Engine) -> Iterator[Waiting]:
