@@ -25,16 +25,20 @@ class Assessment(NamedTuple):
     value: the measured value, for `always` the worst one; None if there is none.
     margin: the distance to the bound, negative if it was violated; None without a bound.
     unit: the SI unit of both.
+    when: for an `eventually` that did not hold, the time of its value, which is the one nearest to
+    the bound, s; otherwise None.
     """
 
     held: bool
     value: float | None
     margin: float | None
     unit: str
+    when: float | None = None
 
 
 class Verdict(NamedTuple):
-    """One line of `expect:` and its result. at: where the line is in the mission."""
+    """One line of `expect:` and its result, as in `Assessment`. at: where the line is in the
+    mission."""
 
     text: str
     held: bool
@@ -42,6 +46,7 @@ class Verdict(NamedTuple):
     margin: float | None
     unit: str
     at: str
+    when: float | None = None
 
 
 class Expectation(Protocol):
@@ -70,8 +75,9 @@ class Judge:
     def verdicts(self, finished_at: float | None) -> tuple[Verdict, ...]:
         """Return the verdicts. finished_at: when the run was completed (s), None if it was not."""
         return tuple(
-            Verdict(plan.text, *expectation.found(finished_at), plan.at)
+            Verdict(plan.text, *found[:-1], plan.at, found.when)
             for plan, expectation in zip(self._plans, self._expectations, strict=True)
+            for found in (expectation.found(finished_at),)
         )
 
 
@@ -86,7 +92,7 @@ def _expectation(
                 return _Bound(condition, views, now)
             return _Unbroken(reader_of(condition, views, None, now))
         case tree.Eventually(condition, within):
-            return _Once(reader_of(condition, views, None, now), within, now)
+            return _Once(condition, views, within, now)
         case tree.Finally(condition):
             return _Last(condition, views, now)
         case tree.Finished(within):
@@ -166,17 +172,46 @@ class _Unbroken:
 
 
 class _Once:
-    """`eventually`: the value is the time at which the condition first held."""
+    """`eventually`: the value is the time at which the condition first held. If it never held and
+    is a comparison, it is the value that was nearest to the bound."""
 
-    def __init__(self, condition: Callable[[], bool], within: float | None, now: Now) -> None:
-        self._condition, self._within, self._now = condition, within, now
+    def __init__(
+        self,
+        condition: tree.Condition,
+        views: Mapping[str, View],
+        within: float | None,
+        now: Now,
+    ) -> None:
+        self._condition = reader_of(condition, views, None, now)
+        self._within, self._now = within, now
         self._at: float | None = None
+        self._unit, self._sign = "s", 0.0
+        self._nearest, self._value, self._when = -inf, 0.0, 0.0
+        if isinstance(condition, tree.Compare) and condition.operator in _ORDERS:
+            self._unit, self._sign = _unit(condition.left), _ORDERS[condition.operator]
+            self._left = value_of(condition.left, views, None, now)
+            self._right = value_of(condition.right, views, None, now)
 
     def sample(self) -> None:
-        if self._at is None and self._condition():
+        if self._at is not None:
+            return
+        if self._condition():
             self._at = self._now()
+        elif self._sign:
+            self._approach()
+
+    def _approach(self) -> None:
+        try:
+            value, bound = self._left(), self._right()
+        except Unavailable:
+            return
+        margin = (bound - value) * self._sign
+        if margin > self._nearest:
+            self._nearest, self._value, self._when = margin, value, self._now()
 
     def found(self, finished_at: float | None) -> Assessment:
+        if self._at is None and self._nearest > -inf:
+            return Assessment(False, self._value, self._nearest, self._unit, self._when)
         if self._at is None:
             return Assessment(False, None, None, "s")
         if self._within is None:

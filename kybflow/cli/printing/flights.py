@@ -53,6 +53,10 @@ def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
         mark = "held  " if expectation["held"] else "FAILED"
         value, unit = expectation["value"], str(expectation["unit"])
         measured = f"  ({format_measured(value, unit)})" if isinstance(value, float) else ""
+        if (when := expectation["when_s"]) is not None:
+            measured = f"  (nearest: {format_measured(value, unit)} at {when:.4g} s)"
+        elif not expectation["held"] and value is None:
+            measured = "  (never)" if expectation["text"].startswith("eventually") else measured
         yield f"{mark}  {expectation['text']}{measured}"
     for seconds, name in flown.never_given:
         yield f"`{name}` at {seconds:g} s was never given: the run ended before"
