@@ -276,7 +276,7 @@ class _Run:
         self._plan, self._request = plan, request
         self._events, self._record, self._commands = events, record, commands
         self._score = Score(plan)
-        self.interrupts = 0
+        self.interrupts, self.interrupted_by = 0, ""
         self._engine: Engine | None = None
         self._reason: str | None = None
         self._driver_failed: str | None = None
@@ -325,6 +325,7 @@ class _Run:
             commands=self._commands, judge=PlanEntryJudge(plan), note=self._record.folder.input,
             options=request.options, interrupts=self.interrupts,
         )  # fmt: skip
+        engine.interrupted_by = self.interrupted_by
         with Interrupts(engine), _frozen_garbage():
             try:
                 reason = engine.run()

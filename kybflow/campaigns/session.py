@@ -81,7 +81,7 @@ class Pool:
     def __init__(
         self, jobs: int, done: Callable[[FlightResult], None], fly: Fly = fly_case
     ) -> None:
-        self.interrupts = 0
+        self.interrupts, self.interrupted_by = 0, ""
         self._jobs, self._done, self._fly = jobs, done, fly
         self._workers: list[_Worker] = []
         self._is_landing = False

@@ -928,6 +928,12 @@ class Plan(Shared):
         return {flow.name: flow for flow in self.flows}
 
     @functools.cached_property
+    def giving(self) -> tuple[tuple[FlowPlan, PhasePlan], ...]:
+        """The phases that give vehicles to other flows, each with its flow."""
+        every = ((flow, phase) for flow in self.flows for phase in flow.phases.values())
+        return tuple(one for one in every if one[1].give or one[1].is_written("give"))
+
+    @functools.cached_property
     def inputs_by_name(self) -> dict[str, InputPlan]:
         """The inputs by name."""
         return {use.name: use for use in self.inputs}

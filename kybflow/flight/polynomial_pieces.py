@@ -26,7 +26,6 @@ from kybflow.core.errors import FileError
 from kybflow.core.files import cells_of, number_in
 from kybflow.core.geometry import Vec3, distance
 
-_HEADER = re.compile(r"\s*#?\s*duration\s*[,;\t]\s*x\^0", re.IGNORECASE)
 _AXES = ("x", "y", "z", "yaw")
 _STEP_S = 0.1
 """Largest time between two rows; a quintic through them is off by less than 0.1 mm."""
@@ -37,11 +36,6 @@ _LONGEST_PIECE_S = 3600.0
 
 Row = tuple[float, Vec3, Vec3, Vec3, float | None, int]
 """Time, position, velocity, acceleration, yaw and line."""
-
-
-def is_of_pieces(text: str) -> bool:
-    """Return whether a file begins with the header of polynomial pieces."""
-    return _HEADER.match(text) is not None
 
 
 def read_pieces(text: str, most: int) -> Iterator[Row]:

@@ -37,6 +37,7 @@ with d the mean slopes between knots (de Boor, "A Practical Guide to Splines", 1
 from __future__ import annotations
 
 import functools
+import re
 from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import pairwise
@@ -56,7 +57,6 @@ from kybflow.core.units import (
     Dimension,
 )
 from kybflow.flight.motion import Motion
-from kybflow.flight.polynomial_pieces import is_of_pieces, read_pieces
 
 COLUMNS: dict[str, Dimension | None] = {
     "t": DURATION,
@@ -66,6 +66,8 @@ COLUMNS: dict[str, Dimension | None] = {
     "yaw": ANGLE,
 }
 MOST_ROWS = 20_000
+_OF_PIECES = re.compile(r"\s*#?\s*duration\s*[,;\t]\s*x\^0", re.IGNORECASE)
+"""The beginning of a file of polynomial pieces."""
 _NEEDED = ("t", "x", "y", "z")
 _LIKE = "t, x, y, z"
 
@@ -83,7 +85,9 @@ class TrajectoryPoint(NamedTuple):
 
 def read_table(text: str) -> tuple[TrajectoryPoint, ...]:
     """Return the rows of `text`, at least two. Raises FileError."""
-    if is_of_pieces(text):
+    if _OF_PIECES.match(text):
+        from kybflow.flight.polynomial_pieces import read_pieces  # few files are of this kind
+
         return tuple(TrajectoryPoint(*row) for row in read_pieces(text, MOST_ROWS))
     table = read_columns(text, COLUMNS, "a trajectory", _LIKE)
     _check(table, header_line(text))

@@ -137,6 +137,7 @@ def summarise(
                 "held": verdict.held,
                 "value": _number(verdict.value),
                 "margin": _number(verdict.margin),
+                "when_s": _number(verdict.when),
                 "unit": verdict.unit,
                 "at": without_homes(verdict.at),
                 "unknown_s": rounded(verdict.unknown),

@@ -100,6 +100,7 @@ class Engine:
         )
         self.callbacks = Callbacks(plan.callbacks, controls, self._condition(None))
         self.interrupts = interrupts
+        self.interrupted_by = "a signal"
         self.flying = False
         self._sessions, self._observers = tuple(sessions), tuple(observers)
         self._publishing = tuple(vehicle for vehicle in self.vehicles if vehicle.publishes)
@@ -132,7 +133,7 @@ class Engine:
         self.events.emit(RunStarted())
         red = self._preflight()
         if self.interrupts:
-            return "interrupted"
+            return f"by {self.interrupted_by}, in the preflight"
         if self._stopped is not None:
             return f"{self._stopped}, before the preflight was over"
         if red:
@@ -146,9 +147,9 @@ class Engine:
         while not self._over():
             seconds = self.mission_seconds()
             if self.interrupts > 1:
-                return "interrupted twice: commands were stopped"
+                return f"twice, then by {self.interrupted_by}: commands were stopped"
             if self.interrupts:
-                self._land("interrupted")
+                self._land(f"by {self.interrupted_by}", TWICE)
             elif seconds >= limit:
                 self._land(f"not finished within the time limit of {limit:g} s")
             if seconds >= landed_by:
@@ -267,7 +268,7 @@ class Engine:
             self._stopped = reason
             self.events.emit(RunStopped(reason=reason), at=at)
             for vehicle in self.vehicles if self.flying else ():
-                vehicle.requests.retire(reason)
+                vehicle.requests.retire(f"the run ends: {reason}")
 
     def _preflight(self) -> list[PreflightResult]:
         """Run the preflight and emit its results; return the lines that stayed red."""
@@ -284,12 +285,16 @@ class Engine:
             expression, self._believed, own, self.seconds, self.inputs.readings
         )
 
-    def _land(self, reason: str) -> None:
-        """Land every vehicle, regardless of the mission. Calls after the first have no effect."""
+    def _land(self, reason: str, hint: str = "") -> None:
+        """Land every vehicle, regardless of the mission. Calls after the first have no effect.
+        hint: what a person can do now, for the vehicles' events."""
         if self._landing is None:
             self._landing = reason
             for vehicle in self.vehicles:
-                vehicle.land(reason)
+                vehicle.land(f"{reason}; {hint}" if hint else reason)
+
+
+TWICE = "a second interrupt stops the commands at once"
 
 
 def _views(kind: type[BelievedView], vehicles: Sequence[Vehicle]) -> Mapping[str, BelievedView]:

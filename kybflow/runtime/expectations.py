@@ -27,6 +27,8 @@ class Assessment(NamedTuple):
     margin: the distance to the bound, negative if it was violated; None without a bound.
     unit: the SI unit of both.
     unknown: the number of ticks in flight without a value.
+    when: for an `eventually` that did not hold, the time of its value, which is the one nearest to
+    the bound, s; otherwise None.
     """
 
     held: bool
@@ -34,11 +36,12 @@ class Assessment(NamedTuple):
     margin: float | None
     unit: str
     unknown: int = 0
+    when: float | None = None
 
 
 class Verdict(NamedTuple):
-    """One line of `expect:` and its result. at: where the line is in the mission. unknown: the
-    seconds in flight for which its value was unknown."""
+    """One line of `expect:` and its result, as in `Assessment`. at: where the line is in the
+    mission. unknown: the seconds in flight for which its value was unknown."""
 
     text: str
     held: bool
@@ -47,6 +50,7 @@ class Verdict(NamedTuple):
     unit: str
     at: str
     unknown: float = 0.0
+    when: float | None = None
 
 
 class Expectation(Protocol):
@@ -77,9 +81,9 @@ class Judge:
         """Return the verdicts. finished_at: when the run was completed (s), None if it was not."""
         verdicts = list[Verdict]()
         for plan, expectation in zip(self._plans, self._expectations, strict=True):
-            held, value, margin, unit, unknown = expectation.found(finished_at)
+            held, value, margin, unit, unknown, when = expectation.found(finished_at)
             seconds = unknown * self._period
-            verdicts.append(Verdict(plan.text, held, value, margin, unit, plan.at, seconds))
+            verdicts.append(Verdict(plan.text, held, value, margin, unit, plan.at, seconds, when))
         return tuple(verdicts)
 
 
@@ -94,7 +98,7 @@ def _expectation(
                 return _Bound(condition, views, now)
             return _Unbroken(reader_of(condition, views, None, now))
         case tree.Eventually(condition, within):
-            return _Once(reader_of(condition, views, None, now), within, now)
+            return _Once(condition, views, within, now)
         case tree.Finally(condition):
             return _Last(condition, views, now)
         case tree.Finished(within):
@@ -178,17 +182,46 @@ class _Unbroken:
 
 
 class _Once:
-    """`eventually`: the value is the time at which the condition first held."""
+    """`eventually`: the value is the time at which the condition first held. If it never held and
+    is a comparison, it is the value that was nearest to the bound."""
 
-    def __init__(self, condition: Callable[[], bool], within: float | None, now: Now) -> None:
-        self._condition, self._within, self._now = condition, within, now
+    def __init__(
+        self,
+        condition: tree.Condition,
+        views: Mapping[str, View],
+        within: float | None,
+        now: Now,
+    ) -> None:
+        self._condition = reader_of(condition, views, None, now)
+        self._within, self._now = within, now
         self._at: float | None = None
+        self._unit, self._sign = "s", 0.0
+        self._nearest, self._value, self._when = -inf, 0.0, 0.0
+        if isinstance(condition, tree.Compare) and condition.operator in _ORDERS:
+            self._unit, self._sign = _unit(condition.left), _ORDERS[condition.operator]
+            self._left = value_of(condition.left, views, None, now)
+            self._right = value_of(condition.right, views, None, now)
 
     def sample(self) -> None:
-        if self._at is None and self._condition():
+        if self._at is not None:
+            return
+        if self._condition():
             self._at = self._now()
+        elif self._sign:
+            self._approach()
+
+    def _approach(self) -> None:
+        try:
+            value, bound = self._left(), self._right()
+        except Unavailable:
+            return
+        margin = (bound - value) * self._sign
+        if margin > self._nearest:
+            self._nearest, self._value, self._when = margin, value, self._now()
 
     def found(self, finished_at: float | None) -> Assessment:
+        if self._at is None and self._nearest > -inf:
+            return Assessment(False, self._value, self._nearest, self._unit, when=self._when)
         if self._at is None:
             return Assessment(False, None, None, "s")
         if self._within is None:

@@ -13,10 +13,21 @@ DEBOUNCE_S = 1.0
 several."""
 
 
+SENT_BY: dict[int, str] = {
+    signal.SIGINT: "Ctrl-C",
+    signal.SIGTERM: "SIGTERM of another program",
+    signal.SIGHUP: "its terminal, which was closed",
+    signal.SIGQUIT: "Ctrl-\\",
+}
+"""What sends each signal, in words."""
+
+
 class Counting(Protocol):
-    """An object that counts interrupts: the engine, a run, or a session of tests."""
+    """An object that counts interrupts: the engine, a run, or a session of tests. interrupted_by:
+    what sent the last one, in words."""
 
     interrupts: int
+    interrupted_by: str
 
 
 class Interrupts:
@@ -49,5 +60,6 @@ class Interrupts:
         if self._last is None or now - self._last >= DEBOUNCE_S:
             self._last = now
             self._engine.interrupts += 1
+            self._engine.interrupted_by = SENT_BY[number]
             if self._engine.interrupts > 2:
                 raise KeyboardInterrupt

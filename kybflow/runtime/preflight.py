@@ -153,7 +153,7 @@ def _streams(vehicle: Vehicle) -> Iterator[PreflightResult]:
     at = {kind: part.at for part in parts for kind in part.cls.uses(part.params)}
     for kind in sorted(knowledge.needs, key=kind_name):
         rate = knowledge.rate(kind)
-        reason = f"{rate:.0f} Hz" if rate else "nothing arrives"
+        reason = f"{rate:.0f} Hz" if rate else "no measurements"
         green = rate >= MIN_RATE_HZ
         if rate and not green:
             reason += f", {MIN_RATE_HZ:.0f} Hz needed"

@@ -23,6 +23,8 @@ from mcap.stream_reader import StreamReader
 from toolchain import MISSIONS, ROOT
 
 from kybflow.core.signals import NS
+from kybflow.runtime.engine import TWICE
+from kybflow.runtime.interrupts import SENT_BY
 
 MISSION = """
 kybflow: 1
@@ -165,7 +167,9 @@ def test_a_signal_lands(signalled, number: int, phase: str):
     assert left.summary["vehicles"]["nano"]["final"] == "ground"
     assert left.path[-3:] == [phase, "auto_land", "fault"]
     [started] = [e for e in left.events if e["event"] == "failsafe_started"]
-    assert (started["fields"]["reaction"], started["fields"]["reason"]) == ("land", "interrupted")
+    assert started["fields"]["reaction"] == "land"
+    assert started["fields"]["reason"] == f"by {SENT_BY[number]}; {TWICE}"
+    assert left.summary["reason"] == f"by {SENT_BY[number]}"
     assert left.is_whole
     assert left.summary["recording"] is None
     assert left.recorded == pytest.approx(left.summary["sim_time_s"], abs=0.1)
@@ -184,7 +188,7 @@ def test_a_second_ctrl_c_cuts_the_stream(signalled, phase: str):
     first = PHASES[phase]
     left = signalled((first, signal.SIGINT), (first + LATER, signal.SIGINT))
     assert left.code == 130
-    assert left.summary["reason"] == "interrupted twice: commands were stopped"
+    assert left.summary["reason"] == "twice, then by Ctrl-C: commands were stopped"
     assert left.path[-2:] == [phase, "auto_land"]
     assert left.is_whole
     assert left.recorded == pytest.approx(left.summary["sim_time_s"], abs=0.1)

@@ -41,7 +41,19 @@ QUAD = (
     + b"""import: {std: kybflow/airframes}
 vehicles: {a: {like: std.mk_quadro, behaviors: {"""
 )
+FLOWS = (
+    HEAD
+    + b"""import: {std: kybflow/airframes}
+vehicles:
+  a: {like: std.mk_quadro, behaviors: {wait: {do: wait_on_ground}, up: {do: take_off, height: 1 m}}}
+flows:
+"""
+    + b"".join(
+        b"  f%d: {phases: {one: {run: {a: up}}, two: {run: {a: up}}}}\n" % i for i in range(2000)
+    )
+)
 HOSTILE = {
+    "2,000 flows": (FLOWS, "KYB198"),
     "empty": (b"", "KYB005"),
     "only a comment": (b"# nothing\n", "KYB005"),
     "not UTF-8": (b"kybflow: 1\nmission: \xff\xfe\n", "KYB003"),

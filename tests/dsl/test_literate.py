@@ -22,6 +22,7 @@ from kybflow.core.signals import Battery, Imu
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.compiler import Result, compile_mission
 from kybflow.dsl.diagnostics import render
+from kybflow.dsl.resolving.library_files import without_homes
 from kybflow.parts.catalog import Catalog, PartSpec, load_catalog
 
 CASES = {f"{case.family}: {case.heading}": case for case in sections()}
@@ -82,7 +83,8 @@ def result_of(case: Section, files: dict[str, str], place: Path) -> Result:
 
 def report_of(case: Section, place: Path) -> str:
     result = result_of(case, case.files, place)
-    return "\n\n".join(render(d, result.texts) for d in result.diagnostics) + "\n"
+    text = "\n\n".join(render(d, result.texts) for d in result.diagnostics) + "\n"
+    return without_homes(text)
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -81,10 +81,8 @@ def test_an_estimator_that_is_killed_is_told_and_the_vehicle_lands_on_the_next(r
     killed = fault("estimator_killed", estimator="mocap")
     _, told = run(hovers(estimators=estimators), faults=(killed,))
     [failed] = named(told, "part_failed")
-    assert failed.fields == {
-        "part": "estimators.mocap",
-        "reason": "RuntimeError: killed by a fault of the mission",
-    }
+    assert failed.fields["part"] == "estimators.mocap"
+    assert failed.fields["reason"] == "RuntimeError: killed by a fault of the mission"
     assert named(told, "estimator_changed")[-1].fields["estimator"] == "fusion"
     assert path(told, "a") == ["up", "auto_land", "fault"]
 

@@ -94,7 +94,7 @@ def test_a_behavior_that_says_so_in_the_air_has_not_landed(run):
     _, told = run(vehicle("a", [up("boast"), boast, down()]), observers=(watch,))
     [refused] = named(told, "landing_refused")
     assert refused.fields["behavior"] == "boast"
-    assert named(told, "behavior_failed")[0].fields["reason"].startswith("it has landed, it says")
+    assert named(told, "behavior_failed")[0].fields["reason"].startswith("it reports a landing")
     assert path(told, "a")[:3] == ["up", "boast", "auto_land"]
     assert len(named(told, "landed")) == 1
     assert all(height < LOW for height in watch.stopped)

@@ -14,7 +14,9 @@ from kybflow.inputs.rows import InputRow, head, line, parse
 from kybflow.inputs.script import RowsLink
 
 AXES = ("x", "turn")
-NAMES = st.frozensets(st.from_regex(r"[A-Za-z_]\w{0,8}", fullmatch=True), max_size=3)
+NAMES = st.frozensets(
+    st.from_regex(r"[A-Z_\u00e4\u0436][a-z0-9_\u00e4\u7121]{0,8}", fullmatch=True), max_size=3
+)
 VALUES = st.floats(-1.0, 1.0)
 SPOKEN = st.builds(
     lambda x, turn, held: (dict(zip(AXES, (x, turn), strict=True)), held, ""),

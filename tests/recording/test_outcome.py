@@ -97,6 +97,7 @@ def test_the_summary_has_the_documented_shape():
                 "held": True,
                 "value": 41.25,
                 "margin": 18.75,
+                "when_s": None,
                 "unit": "s",
                 "at": "m.yaml:31",
                 "unknown_s": 0.0,

@@ -167,6 +167,20 @@ def test_eventually_tells_when() -> None:
     assert missed[1:5] == (False, 2.0, -1.0, "s")
 
 
+def test_eventually_that_never_held_tells_how_near_it_came_and_when() -> None:
+    run = Run("eventually a.position_error < 2 cm")
+    for error in (0.5, 0.03, None, 0.1):
+        run.tick(error)
+    verdict = run.verdict()
+    assert not verdict.held
+    assert (verdict.value, verdict.unit, verdict.when) == (0.03, "m", 2.0)
+    assert pytest.approx(verdict.margin) == -0.01
+    run.tick(0.01)
+    run.tick(0.5)
+    assert run.verdict()[1:5] == (True, 5.0, None, "s")
+    assert run.verdict().when is None
+
+
 def test_eventually_that_never_came() -> None:
     run = Run("eventually b in landed")
     run.tick()

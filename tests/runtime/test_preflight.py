@@ -183,7 +183,7 @@ def test_a_stream_that_is_too_slow_is_red():
 
 def test_a_stream_that_never_comes_is_red():
     found = checks(flight(driver=bent(without(Pose))))
-    assert found["a", "pose stream"].reason == "nothing arrives"
+    assert found["a", "pose stream"].reason == "no measurements"
     assert found["a", "estimate"].reason == "no healthy estimate from mocap"
 
 
@@ -222,10 +222,10 @@ WRONG_SIZE = "the frames are 4 x 3, but the lens is for 8 x 6"
 @pytest.mark.parametrize(
     ("read", "trouble", "reason"),
     [
-        (lambda now: (), lambda: None, "nothing arrives"),
-        (lambda now: (), lambda: "no server at lab:3883", "nothing arrives: no server at lab:3883"),
-        (lambda now: (), raising(OSError("gone")), "nothing arrives: OSError: gone"),
-        (raising(DriverError(WRONG_SIZE)), lambda: None, f"nothing arrives: {WRONG_SIZE}"),
+        (lambda now: (), lambda: None, "no measurements"),
+        (lambda now: (), lambda: "no server at lab:3883", "no measurements: no server at lab:3883"),
+        (lambda now: (), raising(OSError("gone")), "no measurements: OSError: gone"),
+        (raising(DriverError(WRONG_SIZE)), lambda: None, f"no measurements: {WRONG_SIZE}"),
     ],
 )
 def test_why_a_sensor_gives_nothing_is_said(read, trouble, reason):
@@ -273,7 +273,7 @@ def test_what_was_left_out_of_a_stream_is_said():
     line = checks(flight(driver=bent(ahead)))["a", "pose stream"]
     assert not line.green
     reason, _, left_out = line.reason.partition("; ")
-    assert reason == "nothing arrives"
+    assert reason == "no measurements"
     count, _, why = left_out.partition(" ")
     assert int(count) > 100
     assert why == "were left out as implausible"

@@ -55,6 +55,10 @@ def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
         mark = "held  " if expectation["held"] else "FAILED"
         value, unit = expectation["value"], str(expectation["unit"])
         measured = f"  ({format_measured(value, unit)})" if isinstance(value, float) else ""
+        if (when := expectation["when_s"]) is not None:
+            measured = f"  (nearest: {format_measured(value, unit)} at {when:.4g} s)"
+        elif not expectation["held"] and value is None:
+            measured = "  (never)" if expectation["text"].startswith("eventually") else measured
         unknown = expectation["unknown_s"]
         gap = f"; unknown for {unknown:.1f} s of the flight" if unknown > _NOTABLE_S else ""
         yield f"{mark}  {expectation['text']}{measured}{gap}"

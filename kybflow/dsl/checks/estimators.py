@@ -4,14 +4,15 @@ KYB361, KYB362, KYB419 and KYB439."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import inf
+from math import floor, inf
+from typing import NamedTuple
 
 from kybflow.core.signals import Frame, Imu, Pose
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import the_cameras
-from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Text
 from kybflow.dsl.expressions.reasoning import Bounds, never_holds
 from kybflow.dsl.expressions.tree import Read, quantity
 from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
@@ -43,15 +44,81 @@ def never_used(case: Case) -> Iterator[Diagnostic]:
             break
 
 
+class LatePoses(NamedTuple):
+    """A latency of a vehicle's driver that the mission sets so high that an estimator is never
+    healthy. parameter: its name. allowed: the highest latency with which it is healthy, s."""
+
+    vehicle: VehiclePlan
+    use: EstimatorPlan
+    healthy: Text
+    parameter: str
+    allowed: float
+
+
+def late_poses(case: Case) -> Iterator[LatePoses]:
+    """Yield each latency that makes an estimator useless."""
+    for vehicle in case.plan.vehicles:
+        driver = vehicle.driver
+        if len(entries := driver.source.node.entries) < 2:  # nothing but its name
+            continue
+        written = [f for f in driver.fields if f.name in entries]
+        inner = driver.cls.inner_loop(driver.params, vehicle.airframe) if written else None
+        latency = 0.0 if inner is None else inner.pose_latency
+        times = (f.name for f in written if latency > 0.0 and f.dimension is DURATION)
+        name = next((n for n in times if getattr(driver.params, n) == latency), None)
+        for use in vehicle.estimators if name is not None else ():
+            condition = case.condition(use, "healthy", case.scopes.health(vehicle.name))
+            healthy, ages = use.text_of("healthy"), _ages(vehicle, use)
+            if name is None or condition is None or healthy is None or ages is None:
+                continue
+            period = ages[1] - ages[0]
+            allowed, refused = 0.0, latency
+            if ages[0] != latency or not never_holds(condition, _aged(*ages)):
+                continue
+            if never_holds(condition, _aged(0.0, period)):
+                continue
+            for _ in range(_HALVINGS):
+                middle = 0.5 * (allowed + refused)
+                if never_holds(condition, _aged(middle, middle + period)):
+                    refused = middle
+                else:
+                    allowed = middle
+            yield LatePoses(vehicle, use, healthy, name, allowed)
+            break
+
+
+_HALVINGS = 20
+
+
+def latency_allowed(case: Case, vehicle: VehiclePlan) -> float | None:
+    """Return the latency with which to judge what else depends on a vehicle's latency, because the
+    mission's own is reported already; None if it is not."""
+    for late in case.cached(late_poses):
+        if late.vehicle is vehicle:
+            return late.allowed
+    return None
+
+
 def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
     """KYB419: an estimator's `healthy` allows a smaller age than its estimate reaches between two
-    measurements, so it is healthy only intermittently (a warning) or never (an error).
+    measurements, so it is healthy only intermittently (a warning) or never (an error). If a latency
+    that the mission sets is the reason, that is reported.
 
     That age is the measurement period plus the latency: for motion capture as the driver declares
     them, for cameras the period of the slowest one.
     """
+    for late in case.cached(late_poses):
+        driver, shown = late.vehicle.driver, floor(late.allowed * 1e3) / 1e3
+        yield Diagnostic(
+            "KYB419",
+            f"with this `{late.parameter}`, `{late.use.part.alias}` is never healthy",
+            driver.span_of(late.parameter),
+            label="every pose is that old, or older",
+            notes=(f"its `healthy` is `{late.healthy.as_written}`",),
+            help=f"write at most `{late.parameter}: {quantity(shown, DURATION)}`",
+        )
     for vehicle in case.plan.vehicles:
-        for use in vehicle.estimators:
+        for use in vehicle.estimators if latency_allowed(case, vehicle) is None else ():
             condition = case.condition(use, "healthy", case.scopes.health(vehicle.name))
             healthy, ages = use.text_of("healthy"), _ages(vehicle, use)
             if condition is None or healthy is None or ages is None:

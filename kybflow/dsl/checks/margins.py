@@ -8,6 +8,7 @@ from math import radians
 from typing import NamedTuple
 
 from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.estimators import latency_allowed
 from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.flight.loops.margins import Margins, in_words
@@ -49,7 +50,7 @@ def _loops(case: Case) -> Iterator[_Closed]:
     for vehicle in case.plan.vehicles:
         driver, tracker, airframe = vehicle.driver, vehicle.tracker, vehicle.airframe
         inner = driver.cls.inner_loop(driver.params, airframe)
-        if inner is None:
+        if inner is None or latency_allowed(case, vehicle) is not None:
             continue
         outer = tracker.cls.outer_loop(tracker.params, airframe, inner, period)
         if outer is not None:

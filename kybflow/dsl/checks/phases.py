@@ -141,7 +141,7 @@ def _first(plan: Plan, flow: FlowPlan) -> _Holders:
     own, had = _Holder(flow.name), own_vehicles(plan, flow)
     givers = [
         (other.name, {w.vehicle for w in given})
-        for other, phase in phases(plan)
+        for other, phase in plan.giving
         if (given := [w for w in assignments(plan, phase, "give") if w.goal.text == flow.name])
     ]
     held: _Holders = {}

@@ -12,6 +12,7 @@ from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import Reaction
 from kybflow.core.units import LENGTH, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case, contexts, transitions_of
+from kybflow.dsl.checks.estimators import latency_allowed
 from kybflow.dsl.checks.space import footprints
 from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.plan import PartPlan
@@ -38,7 +39,10 @@ def of_little_help(case: Case) -> Iterator[Diagnostic]:
 
 
 def _objections(case: Case) -> Iterator[tuple[PartPlan, Objection]]:
-    for vehicle, context in case.cached(contexts):
+    for vehicle, own in case.cached(contexts):
+        context, allowed = own, latency_allowed(case, vehicle)
+        if allowed is not None and own.loop is not None:
+            context = own._replace(loop=own.loop._replace(pose_latency=allowed))
         for part in (*vehicle.supervisors, *vehicle.processors):
             for objection in part.cls.objections(part.params, context):
                 yield part, objection

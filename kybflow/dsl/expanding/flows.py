@@ -126,8 +126,7 @@ def given_vehicles(plan: Plan, flow: FlowPlan) -> frozenset[str]:
     """Return the vehicles that other flows give to this flow."""
     return frozenset(
         vehicle
-        for other in plan.flows
-        for phase in other.phases.values()
+        for _, phase in plan.giving
         for who, goal in phase.give.items()
         if goal == flow.name
         for vehicle in plan.members(who)

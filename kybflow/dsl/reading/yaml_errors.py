@@ -213,7 +213,7 @@ def _colonless(stop: _Stop, row: int) -> Diagnostic:
     if joined := re.match(r"(\w+:)\S", text):
         return stop.finding(f"a space is missing after `{joined[1]}`", hint, place, width)
     message = f"a colon is missing in `{shown}`" if hint else f"`{shown}` is not a `key: value`"
-    if NAME.match(text):
+    if NAME.match(text) and not name_flaw(text):
         message, hint = f"a colon is missing after `{shown}`", f"write `{shown}:`"
     return stop.finding(message, hint or "write `key: value`", place, width)
 

@@ -50,7 +50,7 @@ from kybflow.runtime.vehicle.requests import Requester, Requests
 
 BY = "operator"
 """The name of the requester in events."""
-LANDED = "a person landed it"
+LANDED = "a person landed it, and it stays on the ground"
 
 _Answered = Callable[[Answer], None]
 

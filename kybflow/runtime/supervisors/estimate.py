@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Tick, Time
-from kybflow.core.units import Duration, Length
+from kybflow.core.units import DURATION, Duration, Length, format_quantity
 from kybflow.parts import Objection, Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -47,7 +47,8 @@ class EstimateSupervisor(Supervisor[EstimateSupervisorParams]):
         p, loop = params, context.loop
         late = context.dt if loop is None else max(context.dt, loop.pose_latency)
         if p.age <= late:
-            reason = f"alarms at once: the newest measurement is {late * 1e3:.3g} ms old or older"
+            age = format_quantity(late, DURATION)
+            reason = f"alarms at once: the newest measurement is {age} old or older"
             yield Objection("age", reason, "write `age: 300 ms`", p.reaction == "warn")
         if p.age > _MAX_BLIND_S:
             reason = f"lets the vehicle fly blindly for {p.age:.3g} s"

@@ -212,13 +212,13 @@ class Requests:
         self._order(partial(self._reset, by, at), answered)
 
     def note_end(self, reason: str) -> None:
-        """Accept only states that land the vehicle from now on, because the run ends. The first
-        reason is kept."""
+        """Accept only states that land the vehicle from now on, because the run ends. reason: what
+        refused requests are told. The first reason is kept."""
         self.retired = self.retired or reason
 
     def retire(self, reason: str) -> None:
-        """Land and stay on the ground, because the run ends as planned. A paused landing is
-        continued."""
+        """Land and stay on the ground, because the run ends as planned or a person landed the
+        vehicle. reason: what refused requests are told. A paused landing is continued."""
         self.retired = reason
         runner = self._runner
         stays = runner.machine.state in _STAYS and not self.paused
@@ -333,7 +333,7 @@ class Requests:
         """Return why the vehicle may enter only states that land it or take it home, or None if it
         may enter any state."""
         if self.retired is not None:
-            return f"the run ends: {self.retired}"
+            return self.retired
         if self._failsafe.braking is not None:
             return f"the failsafe brakes it ({self._failsafe.braking})"
         if self.paused and by is not Requester.OPERATOR:

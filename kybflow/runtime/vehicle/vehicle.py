@@ -249,7 +249,7 @@ class Vehicle:
 
     def land(self, reason: str) -> None:
         """Land now, regardless of the mission: after an interrupt or at the time limit."""
-        self.requests.note_end(reason)
+        self.requests.note_end(f"the run ends: {reason}")
         if not self.rests:
             alarm = Alarm("interrupted", Reaction.LAND, reason)
             standing = self._ticks.standing(self.runner.entered, {})

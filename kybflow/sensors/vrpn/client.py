@@ -177,6 +177,10 @@ REORDERING_NS: Time = NS // 5
 larger step back means that the server's clock was set."""
 
 
+MOST_STILL = 20
+"""Number of poses in a row with one time stamp after which the stamps count as standing still."""
+
+
 class Key(NamedTuple):
     body: str
     sensor: int
@@ -211,6 +215,7 @@ class Client:
         self._wanted: Mapping[Key, tuple[VrpnSubscription, ...]] = {}
         self._reason: str | None = "not connected yet"
         self._sensors: frozenset[Key] = frozenset()
+        self._still: frozenset[Key] = frozenset()
         self._waker = Waker()
         self._thread = threading.Thread(target=self._run, name=f"vrpn {address}", daemon=True)
 
@@ -241,6 +246,11 @@ class Client:
         reason, sensors = self._reason, self._sensors
         if reason is not None:
             return f"no VRPN server at {self.address}: {reason}"
+        if key in self._still:
+            return (
+                f"the time stamps of `{key.body}` stand still, so that none of its poses is new:"
+                f" let {self.address} stamp each"
+            )
         if key in sensors:
             return None
         others = sorted(other.sensor for other in sensors if other.body == key.body)
@@ -276,17 +286,20 @@ class Client:
                 listener.receive(self._wanted)
                 if listener.peer.is_connected:
                     self._sensors = frozenset(listener.last)
+                    self._still = frozenset(k for k, n in listener.still.items() if n > MOST_STILL)
                     self._reason = None
         finally:
             connection.close()
 
 
 class _Reader:
-    """Delivers the poses of one connection. last: the latest time stamp of each sensor."""
+    """Delivers the poses of one connection. last: the latest time stamp of each sensor. still: how
+    many poses in a row had that same stamp."""
 
     def __init__(self, connection: Connection, clock: Callable[[], Time]) -> None:
         self.peer = Peer()
         self.last: dict[Key, Time] = {}
+        self.still: dict[Key, int] = {}
         self._connection, self._clock = connection, clock
         self._offset = Offset()
         self._last_data = clock()
@@ -337,8 +350,10 @@ class _Reader:
             here = stamp + self._offset.of(now, stamp)
             if not self._offset.is_doubted:
                 if 0 <= self.last.get(key, stamp - 1) - stamp < REORDERING_NS:
+                    self.still[key] = self.still.get(key, 0) + (self.last[key] == stamp)
                     continue
                 self.last[key] = stamp
+                self.still.pop(key, None)
             self._last_pose[sender] = now
             for subscription in wanted.get(key, ()):
                 subscription.poses.append(TrackerPose(here, now, what.position, what.attitude))

@@ -163,7 +163,7 @@ def test_a_refusal_is_shown(run) -> None:
         (5.0, confirms),
         (5.2, lambda engine: saw.append(person.says())),
     )
-    assert saw == ["switch a hover: refused: the run ends: a test ends it"]
+    assert saw == ["switch a hover: refused: a test ends it"]
     assert named(told, "switch_refused")
 
 

@@ -85,7 +85,7 @@ def test_who_lands_it_has_it_but_its_leds(tmp_path):
                 asked(9.6, "perform a leds_red"))  # fmt: skip
     _, told, _ = flight(tmp_path, *commands, fly=drone_flight, maneuvers=True)
     refused, played = answers(told)[-2:]
-    assert refused == ("flip_left", "the run ends: a person landed it")
+    assert refused == ("flip_left", "a person landed it, and it stays on the ground")
     assert played == ("leds_red", None)
 
 

@@ -130,7 +130,7 @@ def test_each_command_is_answered_once_and_refused_in_the_words_of_the_event(run
          "the mission doesn't wait for a person's `landed`: kybflow raises that event itself"),
         (5.8, "phase team go", False, "there is no flow `team`; "),
         (6.0, "land a", True, ""),
-        (6.1, "switch a hover", False, "the run ends: a person landed it"),
+        (6.1, "switch a hover", False, "a person landed it, and it stays on the ground"),
     ]  # fmt: skip
     found, told, _ = answers(run, *(Asked(seconds, words) for seconds, words, *_ in asked))
     assert found == [(words, accepted, said) for _, words, accepted, said in asked]

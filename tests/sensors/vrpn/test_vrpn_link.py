@@ -174,6 +174,22 @@ def test_what_is_wrong_is_said(server: Server) -> None:
         reader.close()
 
 
+@pytest.mark.parametrize("stamp", [0, 7 * NS])
+def test_time_stamps_that_stand_still_are_said_until_they_go_on(server: Server, stamp: int) -> None:
+    reader = subscribe(ServerAddress("127.0.0.1", server.port), "a", 0)
+
+    def publishes(step: int) -> bool:
+        nonlocal stamp
+        stamp += step
+        server.publish("a", (0.0, 0.0, 0.0), LEVEL, stamp)
+        return "time stamps of `a` stand still" in (reader.trouble() or "")
+
+    until(lambda: publishes(0), "what is wrong")
+    until(lambda: not publishes(NS // 100), "that it is right again")
+    assert reader.trouble() is None
+    reader.close()
+
+
 @OPENINGS
 def test_it_comes_back_when_the_server_does(direct: bool) -> None:
     port = free_port()
