@@ -292,7 +292,8 @@ class Alarm(NamedTuple):
     """The report that a bound was crossed. event: the name of the event, in the past tense.
     reaction: what the failsafe does. value, bound: the measured value and the bound, None if they
     are no numbers. is_failure: whether the mission counts as failed even if the vehicle lands
-    well."""
+    well. follows: whether the vehicle follows its setpoint; the reaction otherwise begins where and
+    as fast as the estimate is."""
 
     event: str
     reaction: Reaction
@@ -300,6 +301,7 @@ class Alarm(NamedTuple):
     value: float | None = None
     bound: float | None = None
     is_failure: bool = False
+    follows: bool = True
 
 
 class Done(NamedTuple):
@@ -457,7 +459,7 @@ class Tick(NamedTuple):
     round-trip time to the vehicle in seconds, zero while unknown. payload: where the payload is,
     None while unknown. inputs: the readings of the mission's inputs. neighbours: what the vehicles
     have published in earlier ticks. moving: the moving obstacles. wrong_frame: why the frame of the
-    poses is wrong, None while nothing says so.
+    poses is wrong, None while nothing says so. command: the one that was sent in the last tick.
     """
 
     now: Time
@@ -475,6 +477,7 @@ class Tick(NamedTuple):
     neighbours: Neighbours = NOBODY
     moving: SeenObstacles = NO_OBSTACLES
     wrong_frame: WrongFrame | None = None
+    command: Command | None = None
 
     def known(self) -> Estimate:
         """Return the estimate. Raises EstimateMissing if there is none."""

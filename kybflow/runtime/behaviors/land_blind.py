@@ -53,7 +53,14 @@ open-loop ramp is gentle for every error, this one is bounded for all of them.
 
 from __future__ import annotations
 
-from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, from_thrust_direction, heading_of
+from kybflow.core.geometry import (
+    GRAVITY,
+    LEVEL,
+    ZERO,
+    body_z,
+    from_thrust_direction,
+    heading_of,
+)
 from kybflow.core.signals import NS, Command, CommandKind, Done, Imu, Tick, Time
 from kybflow.core.units import Damping, Duration, Ratio
 from kybflow.flight.descent import BlindBrake, Descent
@@ -108,6 +115,9 @@ class LandBlind(
         if felt is None:
             vx, vy, climb = entry.motion.velocity
             ax, ay, _ = (entry.setpoint and entry.setpoint.acceleration) or ZERO
+            if entry.setpoint is None and entry.estimate is not None:
+                ux, uy, uz = body_z(entry.estimate.attitude)
+                ax, ay = GRAVITY * ux / max(uz, 0.5), GRAVITY * uy / max(uz, 0.5)
             self._heading = entry.heading if known is None else heading_of(known.attitude)
         else:
             vx, vy, climb = felt

@@ -120,6 +120,8 @@ class Decision:
         if tick.now >= failsafe.due:
             raised = failsafe.check(tick, runner.off_ground)
             if raised is not None:
+                if not raised.alarm.follows:
+                    self._control.rest()
                 self._reactions.react(raised, tick)
         if failsafe.latched is Reaction.LAND_BLIND:
             self._reactions.regain_sight(tick)

@@ -43,7 +43,7 @@ from kybflow.runtime.monitoring.sensing import OpenSensor, Sensing
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.control import Control
 from kybflow.runtime.vehicle.estimation import Estimation
-from kybflow.runtime.vehicle.link import LinkIn
+from kybflow.runtime.vehicle.link import LinkIn, LinkOut
 from kybflow.world.vehicle_context import VehicleContext
 
 
@@ -310,13 +310,14 @@ class TickBuilder:
         context: VehicleContext,
         knowledge: Knowledge,
         control: Control,
+        link_out: LinkOut,
         inputs: InputReadings,
         broadcasts: Broadcasts | None,
         moving: SeenObstacles,
     ) -> None:
         self.fleet: dict[str, Estimate | None] = {}
         self._context, self._knowledge, self._control = context, knowledge, control
-        self._inputs, self._moving = inputs, moving
+        self._link_out, self._inputs, self._moving = link_out, inputs, moving
         self._neighbours = broadcasts or NOBODY
 
     def tick(self, now: Time, dt: float, entered: Time, fleet: dict[str, Estimate | None]) -> Tick:
@@ -330,7 +331,7 @@ class TickBuilder:
                 now, dt, (now - entered) / NS, knowledge.estimate, knowledge.battery,
                 self._control.followed, fleet, knowledge.imu, link.age, link.delay,
                 knowledge.payload.state, self._inputs, self._neighbours, self._moving,
-                knowledge.frame.wrong,
+                knowledge.frame.wrong, self._link_out.sent,
             ),
         )  # fmt: skip
 
