@@ -1,6 +1,6 @@
 """Flights in which commands reach the vehicle late, and flights in which they don't.
 
-    python bench/late_commands.py [--seeds 3] [--only WORD] [--false-alarms [--faults]]
+    python bench/late_commands.py [--seeds 3] [--only WORD] [--false-alarms | --faults [--first 0]]
 
 Each airframe hovers, flies an eight, or lands, when its commands become late. Printed for each
 delay, by the simulator's truth, is the worst of the seeds:
@@ -8,21 +8,25 @@ delay, by the simulator's truth, is the worst of the seeds:
 told: how many flights had the alarm, and the longest time until then, seconds. bound: the delay at
 which it is due, ms. down: the speed at the touch-down, m/s. side: how far it got from its start,
 metres (the eight itself gets 0.75 m aside). `--false-alarms` flies the shipped missions in the lab
-with `model_error: 20 %` and counts alarms; with `--faults` it flies random flights with faults.
+with `model_error: 20 %` and counts alarms; `--faults` flies random flights with faults in
+simulation, as many as seeds that don't draw another target.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 import tempfile
 from pathlib import Path
 
-from wrong_frames import flown, missions
+ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT / "tests" / "support"))
 
-from kybflow.dsl.plan import Plan
+from studies.random_faults import draw  # noqa: E402
+from toolchain import compiled, with_library  # noqa: E402
+from wrong_frames import flown, missions  # noqa: E402
 
-from studies.random_faults import draw  # noqa: E402  isort: skip
-from toolchain import compiled, with_library  # noqa: E402  isort: skip
+from kybflow.dsl.plan import Plan  # noqa: E402
 
 ALARM = "commands_late"
 FRAMES = ("nano_plus", "mk_quadro", "courier_quad", "x500")

@@ -17,6 +17,7 @@ from kybflow.core.signals import (
     Estimate,
     Failed,
     Grip,
+    Imu,
     InputReadings,
     Measurement,
     MeasurementKind,
@@ -67,7 +68,7 @@ class Entry(NamedTuple):
     rest on the ground, m/s^2; gravity if unknown. inputs: the current readings of the mission's
     inputs. lost: where there is no estimate, the last one before it was lost. imu_velocity: the
     velocity by the IMU alone, forward, left and up, m/s, if the frame of the estimate is wrong;
-    None otherwise.
+    None otherwise. imu: the newest IMU measurement, None without one.
     """
 
     now: Time
@@ -80,6 +81,7 @@ class Entry(NamedTuple):
     inputs: InputReadings = NO_INPUTS
     lost: Estimate | None = None
     imu_velocity: Vec3 | None = None
+    imu: Imu | None = None
 
     @property
     def known(self) -> Estimate | None:

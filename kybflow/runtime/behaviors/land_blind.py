@@ -18,10 +18,11 @@ at rest on the ground is known and taken as gravity (`kybflow.runtime.vehicle.kn
 later change then has this effect.
 
 It begins at the velocity of the last setpoint if that was within 0.3 m of the last estimate, else
-at that of the last estimate; if the frame of the estimate is wrong (`mocap_frame`), at the velocity
-by the IMU. The horizontal velocity is braked first, as hard as the airframe's largest tilt allows,
-by a model of the vehicle (`kybflow.flight.descent.BlindBrake`) in the vehicle's heading. A bump
-against a wall or another vehicle is not taken for the floor.
+at that of the last estimate, as also if the vehicle doesn't follow its setpoint (`commands_late`);
+if the frame of the estimate is wrong (`mocap_frame`), at the velocity by the IMU. The horizontal
+velocity is braked first, as hard as the airframe's largest tilt allows, by a model of the vehicle
+(`kybflow.flight.descent.BlindBrake`) in the vehicle's heading. A bump against a wall or another
+vehicle is not taken for the floor.
 
 If nothing has arrived from the vehicle for 0.25 s, no command is sent either: the vehicle lands by
 its own watchdog, which the preflight has checked and which reads the IMU.
@@ -74,6 +75,9 @@ _MAX_SAMPLE_S = 0.25
 """Longest interval (s) of one IMU sample."""
 _IMU_TIMEOUT_NS = NS // 10
 """Time without an IMU sample after which the descent continues in open loop."""
+_CLIMB_LAG_S = 0.06
+"""By how much the climb rate of an estimate lags behind, s: 2 / (2 pi 5 Hz) in `mocap`.
+A vehicle whose vertical loop oscillates reaches 8 m/s^2."""
 _LINK_TIMEOUT_S = 0.25
 """Seconds without a message from the vehicle after which its own watchdog must land it."""
 
@@ -117,7 +121,9 @@ class LandBlind(
             ax, ay, _ = (entry.setpoint and entry.setpoint.acceleration) or ZERO
             if entry.setpoint is None and entry.estimate is not None:
                 ux, uy, uz = body_z(entry.estimate.attitude)
-                ax, ay = GRAVITY * ux / max(uz, 0.5), GRAVITY * uy / max(uz, 0.5)
+                ax, ay = GRAVITY * ux, GRAVITY * uy
+                if entry.imu is not None:
+                    climb += _CLIMB_LAG_S * (uz * entry.imu.specific_force[2] - GRAVITY)
             self._heading = entry.heading if known is None else heading_of(known.attitude)
         else:
             vx, vy, climb = felt

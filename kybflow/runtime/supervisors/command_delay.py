@@ -4,39 +4,42 @@ Alarm `commands_late` in the air when commands take effect so much later than th
 that `share` of the loop's delay margin (`kybflow show` prints it) is used up. Beyond the margin the
 vehicle oscillates ever more. The alarm then lasts for as long as the vehicle flies.
 
-The evidence is the vehicle's motion. About body x and y, the on-board loop obeys the command u with
-rotors A, and obeying shows in y, computed from the estimate and the gyroscope
-(`kybflow.world.vehicle_context`, divided by P, with H = s / (s + I / P) for the integral):
+The evidence is the vehicle's motion: y, which shows the command that the vehicle obeys, is compared
+with the command u. About body x and y, with the gains of the on-board loop
+(`kybflow.world.vehicle_context`), H = s / (s + I / P) for its integral and the turn rate w,
 
-    u = tilt commanded + D/P H rates commanded,    y = tilt + D/P H w + w' / P,    y = A u
+    u = tilt commanded + D/P H rate commanded,    y = tilt estimated + D/P H w + w' / P,
 
-So a torque on the body is in y, but wind isn't, because it moves the vehicle without turning it. u
-is delayed to where a punctual vehicle would be by a lag of the declared delay. With both in the
-band around 1 / `_BAND_S`, in which loops of this kind oscillate, the excess L is the regression
+so that y = u after the rotors' lag: wind moves the vehicle without turning it, and torques are
+seldom in step with u. Along body z, u is the commanded thrust over the weight, y the specific force
+over g. u is first delayed by what the driver declares. In the band around 1 / `_BAND_S`, in which
+these loops oscillate, the excess L is then the regression, averaged over `_AVERAGING_S`, of
 
-    L = -<(y - u) u'> / <u'^2>,       as y(t) = u(t - L) = u - L u' + ...,
+    y(t) = u(t - L) = u - L u' + ...,     L = -<(y - u) u'> / <u'^2>
 
-averaged over `_AVERAGING_S`. With a sinusoid of frequency f it is sin(f L) / f, so that L is found
-too small, but never negative, as an oscillating loop lags by less than half a turn. It counts if it
-is above the bound for half a second, if u moves by more than noise, and if the delay explains more
-than `_EXPLAINED` of the difference, <(y - u) u'>^2 > `_EXPLAINED` <(y - u)^2> <u'^2>: the noise of
-measurements and gusts explain less.
+In an oscillation of the frequency f this is sin(f L) / f: somewhat too small, but never negative,
+since an oscillating loop lags by less than half a turn. L counts if it is above the bound for long
+enough, if u moves, and if L explains enough of the difference,
 
-L in flights of four airframes, hovering and on an eight, over three seeds, relative to margins of
-51 to 58 ms: 0 to 0.3 without delay, at most 0.72 with 30 ms of delay, at least 0.78 with 60 ms and
-1.4 with 100 ms, which is noticed after 1.1 s (1.5 s at most).
+    <(y - u) u'>^2 > explained <(y - u)^2> <u'^2>
+
+which noise and gusts don't. Vertically, where rotors shake the accelerometer, u must move more.
+
+L over the margin (51 to 58 ms), hovering, on an eight and landing, four airframes, two or three
+seeds: without delay it never counted above 0.3, with 30 ms it was at most 0.72, with 60 ms at least
+0.75. 100 ms were noticed after 0.7 to 1.5 s.
 
 Without a tracker that commands attitudes in a loop whose margin is known, or without an IMU,
 nothing is judged; nor where the link measures round trips, because `link` then watches these. The
-margin is that of the gains at the start. The default reaction is `land_blind`, which opens the loop: every
-other one is flown by it. Radians, seconds, body frame.
+margin is that of the gains at the start. The default reaction is `land_blind`, which opens the
+loop: every other one is flown by it. Body frame, radians, seconds.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from kybflow.core.geometry import Quat
+from kybflow.core.geometry import GRAVITY, Quat
 from kybflow.core.signals import (
     IMU_TIMEOUT,
     NS,
@@ -53,22 +56,30 @@ from kybflow.parts import Supervisor, param, params
 from kybflow.world.vehicle_context import VehicleContext
 
 _ATTITUDE = CommandKind.ATTITUDE_THRUST
-_BAND_S = 0.08
-_AVERAGING_S = 1.0
-_LASTING_NS: Time = NS // 2
-_EXPLAINED = 0.25
-_MIN_RATE_SQUARE = 0.03**2
-"""Mean square of u' below which there is only noise, rad^2/s^2."""
+_BAND_S, _AVERAGING_S = 0.08, 1.0
 _LEAST_BOUND_S = 0.025
-"""The excess is known to about 15 ms, so that a smaller bound would raise false alarms, s."""
+"""A smaller bound would raise false alarms: L is known to about 15 ms."""
 _LONGEST_STEP_NS: Time = NS // 10
-"""Longest time between two checks, ns, after which it begins anew."""
+"""Longest time between two checks, ns; after a longer one it begins anew."""
+
+
+class _Evidence(NamedTuple):
+    """What is enough evidence. rate: root mean square of u', 1/s. explained: see above. lasts:
+    ns."""
+
+    rate: float
+    explained: float
+    lasts: Time
+
+
+_TURNS = _Evidence(0.03, 0.25, NS // 2)
+_CLIMBS = _Evidence(0.3, 0.5, NS // 5)
 
 
 class _Shares(NamedTuple):
     """By how much the filters follow a change in one step. band, delay, integral: those of the
     band, of the declared delay and of H. averages: those of the products. ahead: D/P, s. turning:
-    1 / (P dt)."""
+    1 / (P dt). dt: the step, s."""
 
     band: float
     delay: float
@@ -76,42 +87,99 @@ class _Shares(NamedTuple):
     averages: float
     ahead: float
     turning: float
+    dt: float
 
 
-class _Axis:
-    """The comparison about one body axis. rates, lags: what H removes of the commanded rate, and of
-    w minus it. w: the last turn rate. delayed: u with the declared delay. slow, band: its part
-    below the band, and that in it; slow_off, off: the same of y - u."""
+class _Channel:
+    """Compares u with y. delayed: u after the declared delay. slow, band: its parts below the band
+    and in it; slow_off, off: those of y - u."""
 
-    __slots__ = ("band", "delayed", "lags", "off", "rates", "slow", "slow_off", "w")
+    __slots__ = ("band", "delayed", "off", "slow", "slow_off")
 
-    def __init__(self, asked: float, tilt: float, w: float) -> None:
-        self.delayed = self.slow = asked
-        self.slow_off = tilt - asked
-        self.w = w
-        self.rates = self.lags = self.band = self.off = 0.0
+    def __init__(self, u: float, y: float) -> None:
+        self.delayed = self.slow = u
+        self.slow_off = y - u
+        self.band = self.off = 0.0
 
-    def step(
-        self, asked: float, rate: float, tilt: float, w: float, shares: _Shares
-    ) -> tuple[float, float]:
-        """Return y - u in the band, averaged over a step, and the change of u in the band. asked,
-        rate: the commanded tilt and turn rate. tilt, w: the measured ones."""
-        band, delay, integral, _, ahead, turning = shares
-        lag = w - rate
-        self.rates = rates = self.rates + integral * (rate - self.rates)
-        self.lags = lags = self.lags + integral * (lag - self.lags)
-        u = asked + ahead * (rate - rates)
-        y = tilt + ahead * (w - rates - lags) + turning * (w - self.w)
-        self.w = w
-        self.delayed = u = self.delayed + delay * (u - self.delayed)
+    def step(self, u: float, y: float, shares: _Shares) -> tuple[float, float]:
+        """Return y - u in the band, averaged over the step, and the change of u in the band."""
+        band, before = shares[0], self.off
+        self.delayed = u = self.delayed + shares[1] * (u - self.delayed)
         e = y - u
         self.slow = slow = self.slow + band * (u - self.slow)
         self.slow_off = slow_off = self.slow_off + band * (e - self.slow_off)
         change = band * (u - slow - self.band)
         self.band += change
-        before = self.off
         self.off = off = before + band * (e - slow_off - before)
         return 0.5 * (before + off), change
+
+
+class _Turning(_Channel):
+    """Computes u and y about a body axis. rates, lags: what H removes of the commanded rate, and of
+    w less that. w: the last turn rate."""
+
+    __slots__ = ("lags", "rates", "w")
+
+    def __init__(self, asked: float, tilt: float, w: float) -> None:
+        super().__init__(asked, tilt)
+        self.rates = self.lags = 0.0
+        self.w = w
+
+    def turn(
+        self, asked: float, rate: float, tilt: float, w: float, shares: _Shares
+    ) -> tuple[float, float]:
+        """Return what `step` returns. asked, rate: the commanded tilt and turn rate. tilt, w: the
+        measured ones."""
+        _, _, integral, _, ahead, turning, _ = shares
+        lag, last = w - rate, self.w
+        self.rates = rates = self.rates + integral * (rate - self.rates)
+        self.lags = lags = self.lags + integral * (lag - self.lags)
+        self.w = w
+        y = tilt + ahead * (w - rates - lags) + turning * (w - last)
+        return self.step(asked + ahead * (rate - rates), y, shares)
+
+
+class _Judge:
+    """Averages the products of one or two channels. late: L, s, if there is enough evidence that it
+    is above the bound; 0 otherwise."""
+
+    __slots__ = ("_common", "_differed", "_enough", "_moved", "_since")
+
+    def __init__(self, enough: _Evidence) -> None:
+        self._enough = enough
+        self._common = self._moved = self._differed = 0.0
+        self._since: Time | None = None
+
+    def late(
+        self, common: float, moved: float, differed: float, bound: float, now: Time, shares: _Shares
+    ) -> float:
+        """Return L (s) if it is above the bound, with enough evidence; 0 otherwise. common, moved,
+        differed: the products of the step, -(y - u) times the change of u, and both squared."""
+        kept, dt = 1.0 - shares.averages, shares.dt
+        self._common = common = kept * self._common + common
+        self._moved = moved = kept * self._moved + moved / dt
+        self._differed = differed = kept * self._differed + differed * dt
+        if common <= bound * moved:
+            self._since = None
+            return 0.0
+        rate, explained, lasts = self._enough
+        if moved <= _AVERAGING_S * rate * rate or common * common <= explained * moved * differed:
+            self._since = None
+            return 0.0
+        if self._since is None:
+            self._since = now
+        return common / moved if now - self._since >= lasts else 0.0
+
+
+class _Compared(NamedTuple):
+    """The comparisons since the estimator `source` is in use."""
+
+    source: str
+    x: _Turning
+    y: _Turning
+    z: _Channel
+    turns: _Judge
+    climbs: _Judge
 
 
 @params
@@ -135,18 +203,16 @@ class CommandDelay(Supervisor[CommandDelayParams]):
     def __init__(self, params: CommandDelayParams, context: VehicleContext) -> None:
         super().__init__(params, context)
         self._loop, self._margin, self._period = context.loop, context.delay_margin, context.dt
-        self._axes: tuple[_Axis, _Axis] | None = None
-        self._shares = _Shares(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        self._source = ""
-        self._looked: Time = 0
+        self._per_weight = 1.0 / context.airframe.hover_thrust
+        self._compared: _Compared | None = None
+        self._shares = _Shares(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._step: Time = 0
-        self._common = self._moved = self._differed = 0.0
-        self._since: Time | None = None
+        self._looked: Time = 0
         self._alarm: Alarm | None = None
 
     def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
         if not off_ground:
-            self._axes = self._alarm = None
+            self._compared = self._alarm = None
             return None
         if self._alarm is not None or self._margin is None:
             return self._alarm
@@ -162,41 +228,35 @@ class CommandDelay(Supervisor[CommandDelayParams]):
             or now - imu.time > IMU_TIMEOUT
             or tick.link_delay > 0.0
         ):
-            self._axes = None
+            self._compared = None
             return None
         asked_x, asked_y = _tilts(command.attitude)
-        x, y = _tilts(estimate.attitude)
+        tilt_x, tilt_y = _tilts(estimate.attitude)
         rate_x, rate_y, _ = command.rates
         wx, wy, _ = imu.angular_velocity
-        if self._axes is None or step > _LONGEST_STEP_NS or estimate.source != self._source:
-            self._axes = _Axis(asked_x, x, wx), _Axis(asked_y, y, wy)
-            self._source, self._since = estimate.source, None
-            self._common = self._moved = self._differed = 0.0
+        thrust, lift = self._per_weight * command.thrust, imu.specific_force[2] / GRAVITY
+        compared = self._compared
+        if compared is None or step > _LONGEST_STEP_NS or compared[0] != estimate.source:
+            x, y = _Turning(asked_x, tilt_x, wx), _Turning(asked_y, tilt_y, wy)
+            z = _Channel(thrust, lift)
+            self._compared = _Compared(estimate.source, x, y, z, _Judge(_TURNS), _Judge(_CLIMBS))
             return None
         if step != self._step:
             self._step, self._shares = step, self._shares_of(step / NS)
-        about_x, about_y = self._axes
-        ex, ux = about_x.step(asked_x, rate_x, x, wx, self._shares)
-        ey, uy = about_y.step(asked_y, rate_y, y, wy, self._shares)
-        dt, kept = step / NS, 1.0 - self._shares.averages
-        self._common = common = kept * self._common - ex * ux - ey * uy
-        self._moved = moved = kept * self._moved + (ux * ux + uy * uy) / dt
-        self._differed = differed = kept * self._differed + (ex * ex + ey * ey) * dt
-        bound = max(self.params.share * self._margin, _LEAST_BOUND_S)
-        if (
-            common <= bound * moved
-            or moved <= _AVERAGING_S * _MIN_RATE_SQUARE
-            or common * common <= _EXPLAINED * moved * differed
-        ):
-            self._since = None
+        _, x, y, z, turns, climbs = compared
+        shares, bound = self._shares, max(self.params.share * self._margin, _LEAST_BOUND_S)
+        e, u = x.turn(asked_x, rate_x, tilt_x, wx, shares)
+        f, v = y.turn(asked_y, rate_y, tilt_y, wy, shares)
+        late = turns.late(-e * u - f * v, u * u + v * v, e * e + f * f, bound, now, shares)
+        e, u = z.step(thrust, lift, shares)
+        late = max(late, climbs.late(-e * u, u * u, e * e, bound, now, shares))
+        if late == 0.0:
             return None
-        self._since = now if self._since is None else self._since
-        if now - self._since < _LASTING_NS:
-            return None
-        late = common / moved
         reason = f"commands act {late * 1e3:.0f} ms too late, {bound * 1e3:.0f} ms allowed"
         reaction = Reaction[self.params.reaction.upper()]
-        self._alarm = Alarm("commands_late", reaction, reason, late, bound, is_failure=True, follows=False)
+        self._alarm = Alarm(
+            "commands_late", reaction, reason, late, bound, is_failure=True, follows=False
+        )
         return self._alarm
 
     def _shares_of(self, dt: float) -> _Shares:
@@ -205,10 +265,10 @@ class CommandDelay(Supervisor[CommandDelayParams]):
         assert loop is not None  # its margin is known
         p, d, i, lead = loop.attitude
         delay = loop.command_latency + loop.dead_time + loop.rotor_time / lead
-        delay += 1.5 * self._period  # that of the last tick, held for a period
+        delay += 1.5 * self._period  # the command is that of the last tick, and held for a period
         return _Shares(
             dt / (_BAND_S + dt), dt / (delay + dt), dt * i / (p + dt * i),
-            dt / (_AVERAGING_S + dt), d / p, 1.0 / (p * dt),
+            dt / (_AVERAGING_S + dt), d / p, 1.0 / (p * dt), dt,
         )  # fmt: skip
 
 

@@ -351,5 +351,5 @@ class TickBuilder:
         return Entry(
             knowledge.now, context, knowledge.estimate, control.followed, thrust, flight, lift,
             self._inputs, knowledge.estimation.lost,
-            None if frame.wrong is None else frame.velocity,
+            None if frame.wrong is None else frame.velocity, knowledge.imu,
         )  # fmt: skip
