@@ -104,7 +104,7 @@ def with_faults(seeds: range) -> None:
     flights = 0
     for number in seeds:
         with tempfile.TemporaryDirectory() as folder:
-            drawn = draw(number, Path(folder))
+            drawn = draw(number, with_library(Path(folder)))
             if drawn.target != "sim":
                 continue
             _, told, summary = flown(drawn.plan, number)

@@ -292,8 +292,8 @@ class Alarm(NamedTuple):
     """The report that a bound was crossed. event: the name of the event, in the past tense.
     reaction: what the failsafe does. value, bound: the measured value and the bound, None if they
     are no numbers. is_failure: whether the mission counts as failed even if the vehicle lands
-    well. follows: whether the vehicle follows its setpoint; the reaction otherwise begins where and
-    as fast as the estimate is."""
+    well. late: by how much later than usual commands take effect, s; the vehicle then doesn't
+    follow its setpoint."""
 
     event: str
     reaction: Reaction
@@ -301,7 +301,7 @@ class Alarm(NamedTuple):
     value: float | None = None
     bound: float | None = None
     is_failure: bool = False
-    follows: bool = True
+    late: float = 0.0
 
 
 class Done(NamedTuple):

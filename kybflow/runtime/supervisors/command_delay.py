@@ -255,7 +255,7 @@ class CommandDelay(Supervisor[CommandDelayParams]):
         reason = f"commands act {late * 1e3:.0f} ms too late, {bound * 1e3:.0f} ms allowed"
         reaction = Reaction[self.params.reaction.upper()]
         self._alarm = Alarm(
-            "commands_late", reaction, reason, late, bound, is_failure=True, follows=False
+            "commands_late", reaction, reason, late, bound, is_failure=True, late=late
         )
         return self._alarm
 

@@ -168,6 +168,8 @@ class Knowledge:
 
     resting: the accelerometer's bias at rest.
     frame: compares the poses with the IMU.
+    late: by how much later than usual commands take effect since the rotors began to turn, as a
+    supervisor found, s.
     needs: the kinds of measurement that the estimators use.
     now: the time of the last update.
     report: is called with the failure of a part.
@@ -193,6 +195,7 @@ class Knowledge:
         self.sticks: Sticks | None = None
         self.resting = RestingBias()
         self.frame = FrameCheck()
+        self.late = 0.0
         self.payload = PayloadTracker(plan.name, events)
         self.link_in = link
         self.estimation = Estimation(plan, context, events, score, report, self._known)
@@ -347,9 +350,9 @@ class TickBuilder:
         knowledge, control, context = self._knowledge, self._control, self._context
         thrust = context.airframe.hover_thrust if flight is GROUND else control.hover_thrust()
         lift = knowledge.resting.specific_force
-        frame = knowledge.frame
+        frame, late = knowledge.frame, knowledge.late
         return Entry(
-            knowledge.now, context, knowledge.estimate, control.followed, thrust, flight, lift,
-            self._inputs, knowledge.estimation.lost,
-            None if frame.wrong is None else frame.velocity, knowledge.imu,
+            knowledge.now, context, knowledge.estimate, None if late else control.followed, thrust,
+            flight, lift, self._inputs, knowledge.estimation.lost,
+            None if frame.wrong is None else frame.velocity, knowledge.imu, late,
         )  # fmt: skip
