@@ -13,21 +13,20 @@ with the command u. About body x and y, with the gains of the on-board loop
 so that y = u after the rotors' lag: wind moves the vehicle without turning it, and torques are
 seldom in step with u. Along body z, u is the commanded thrust over the weight, y the specific force
 over g. u is first delayed by what the driver declares. In the band around 1 / `_BAND_S`, in which
-these loops oscillate, the excess L is then the regression, averaged over `_AVERAGING_S`, of
+these loops oscillate, the excess L and an error k of the amplitude (of the mass, or where rotors
+saturate) follow from the regression, averaged over `_AVERAGING_S`,
 
-    y(t) = u(t - L) = u - L u' + ...,     L = -<(y - u) u'> / <u'^2>
+    y(t) = (1 + k) u(t - L)  or nearly  y - u = k u - L u'
 
-In an oscillation of the frequency f this is sin(f L) / f: somewhat too small, but never negative,
-since an oscillating loop lags by less than half a turn. L counts if it is above the bound for long
-enough, if u moves, and if L explains enough of the difference,
-
-    <(y - u) u'>^2 > explained <(y - u)^2> <u'^2>
-
-which noise and gusts don't. Vertically, where rotors shake the accelerometer, u must move more.
+In an oscillation of the frequency f this finds sin(f L) / f: somewhat too little, but never less
+than zero, since an oscillating loop lags by less than half a turn. L counts if it is above the
+bound for long enough, if u moves, and if L explains enough of what k u does not explain of y - u,
+which it doesn't of noise and gusts. Vertically, where rotors shake the accelerometer, u must move
+more. On the floor, which may hold the vehicle, nothing is judged.
 
 L over the margin (51 to 58 ms), hovering, on an eight and landing, four airframes, two or three
-seeds: without delay it never counted above 0.3, with 30 ms it was at most 0.72, with 60 ms at least
-0.75. 100 ms were noticed after 0.7 to 1.5 s.
+seeds: without delay it never counted, with 30 ms it was at most 0.71, with 60 ms at least 0.78.
+100 ms were noticed after 0.7 to 1.5 s.
 
 Without a tracker that commands attitudes in a loop whose margin is known, or without an IMU,
 nothing is judged; nor where the link measures round trips, because `link` then watches these. The
@@ -53,6 +52,7 @@ from kybflow.core.signals import (
 from kybflow.core.units import Ratio
 from kybflow.flight.tracked_pose import MAX_EXTRAPOLATION_S
 from kybflow.parts import Supervisor, param, params
+from kybflow.world.ground import FLOOR
 from kybflow.world.vehicle_context import VehicleContext
 
 _ATTITUDE = CommandKind.ATTITUDE_THRUST
@@ -64,8 +64,8 @@ _LONGEST_STEP_NS: Time = NS // 10
 
 
 class _Evidence(NamedTuple):
-    """What is enough evidence. rate: root mean square of u', 1/s. explained: see above. lasts:
-    ns."""
+    """What is enough evidence. rate: root mean square of u', 1/s. explained: share of y - u.
+    lasts: ns."""
 
     rate: float
     explained: float
@@ -74,6 +74,11 @@ class _Evidence(NamedTuple):
 
 _TURNS = _Evidence(0.03, 0.25, NS // 2)
 _CLIMBS = _Evidence(0.3, 0.5, NS // 5)
+_LOW = 0.1
+"""Height above the floor, and distance from the height where it stood, at which the vehicle may
+touch something, m."""
+_Products = tuple[float, float, float]
+"""In the band and in a step: y - u and u, each averaged over the step, and the change of u."""
 
 
 class _Shares(NamedTuple):
@@ -101,17 +106,17 @@ class _Channel:
         self.slow_off = y - u
         self.band = self.off = 0.0
 
-    def step(self, u: float, y: float, shares: _Shares) -> tuple[float, float]:
-        """Return y - u in the band, averaged over the step, and the change of u in the band."""
-        band, before = shares[0], self.off
+    def step(self, u: float, y: float, shares: _Shares) -> _Products:
+        """Return what is in the band."""
+        band, before, last = shares[0], self.off, self.band
         self.delayed = u = self.delayed + shares[1] * (u - self.delayed)
         e = y - u
         self.slow = slow = self.slow + band * (u - self.slow)
         self.slow_off = slow_off = self.slow_off + band * (e - self.slow_off)
-        change = band * (u - slow - self.band)
-        self.band += change
+        change = band * (u - slow - last)
+        self.band = last + change
         self.off = off = before + band * (e - slow_off - before)
-        return 0.5 * (before + off), change
+        return 0.5 * (before + off), last + 0.5 * change, change
 
 
 class _Turning(_Channel):
@@ -125,10 +130,8 @@ class _Turning(_Channel):
         self.rates = self.lags = 0.0
         self.w = w
 
-    def turn(
-        self, asked: float, rate: float, tilt: float, w: float, shares: _Shares
-    ) -> tuple[float, float]:
-        """Return what `step` returns. asked, rate: the commanded tilt and turn rate. tilt, w: the
+    def turn(self, asked: float, rate: float, tilt: float, w: float, shares: _Shares) -> _Products:
+        """Return what is in the band. asked, rate: the commanded tilt and turn rate. tilt, w: the
         measured ones."""
         _, _, integral, _, ahead, turning, _ = shares
         lag, last = w - rate, self.w
@@ -140,35 +143,38 @@ class _Turning(_Channel):
 
 
 class _Judge:
-    """Averages the products of one or two channels. late: L, s, if there is enough evidence that it
-    is above the bound; 0 otherwise."""
+    """Averages the products of one or two channels. e: y - u. v: the change of u."""
 
-    __slots__ = ("_common", "_differed", "_enough", "_moved", "_since")
+    __slots__ = ("_ee", "_enough", "_eu", "_ev", "_since", "_uu", "_uv", "_vv")
 
     def __init__(self, enough: _Evidence) -> None:
         self._enough = enough
-        self._common = self._moved = self._differed = 0.0
+        self._ee = self._eu = self._ev = self._uu = self._uv = self._vv = 0.0
         self._since: Time | None = None
 
-    def late(
-        self, common: float, moved: float, differed: float, bound: float, now: Time, shares: _Shares
-    ) -> float:
-        """Return L (s) if it is above the bound, with enough evidence; 0 otherwise. common, moved,
-        differed: the products of the step, -(y - u) times the change of u, and both squared."""
-        kept, dt = 1.0 - shares.averages, shares.dt
-        self._common = common = kept * self._common + common
-        self._moved = moved = kept * self._moved + moved / dt
-        self._differed = differed = kept * self._differed + differed * dt
-        if common <= bound * moved:
+    def late(self, bound: float, now: Time, shares: _Shares, *seen: _Products) -> float:
+        """Add what was seen in a step; return L (s) if it is above the bound, with enough evidence,
+        and otherwise 0."""
+        dt, kept = shares.dt, 1.0 - shares.averages
+        ee, eu, ev = kept * self._ee, kept * self._eu, kept * self._ev
+        uu, uv, vv = kept * self._uu, kept * self._uv, kept * self._vv
+        for e, u, v in seen:
+            ee, eu, ev = ee + e * e * dt, eu + e * u * dt, ev + e * v
+            uu, uv, vv = uu + u * u * dt, uv + u * v, vv + v * v / dt
+        self._ee, self._eu, self._ev, self._uu, self._uv, self._vv = ee, eu, ev, uu, uv, vv
+        whole, part = uu * vv - uv * uv, eu * uv - ev * uu
+        if part <= bound * whole:
             self._since = None
             return 0.0
         rate, explained, lasts = self._enough
-        if moved <= _AVERAGING_S * rate * rate or common * common <= explained * moved * differed:
+        if vv <= _AVERAGING_S * rate * rate or part * part <= explained * whole * (
+            ee * uu - eu * eu
+        ):
             self._since = None
             return 0.0
         if self._since is None:
             self._since = now
-        return common / moved if now - self._since >= lasts else 0.0
+        return part / whole if now - self._since >= lasts else 0.0
 
 
 class _Compared(NamedTuple):
@@ -208,15 +214,17 @@ class CommandDelay(Supervisor[CommandDelayParams]):
         self._shares = _Shares(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._step: Time = 0
         self._looked: Time = 0
+        self._stood = 0.0
         self._alarm: Alarm | None = None
 
     def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
+        command, estimate, imu, now = tick.command, tick.estimate, tick.imu, tick.now
         if not off_ground:
             self._compared = self._alarm = None
+            self._stood = 0.0 if estimate is None else estimate.position[2]
             return None
         if self._alarm is not None or self._margin is None:
             return self._alarm
-        command, estimate, imu, now = tick.command, tick.estimate, tick.imu, tick.now
         step, self._looked = now - self._looked, now
         if (
             command is None
@@ -224,6 +232,8 @@ class CommandDelay(Supervisor[CommandDelayParams]):
             or command.heading is None
             or estimate is None
             or estimate.age > MAX_EXTRAPOLATION_S
+            or (height := estimate.position[2]) < FLOOR + _LOW
+            or abs(height - self._stood) < _LOW
             or imu is None
             or now - imu.time > IMU_TIMEOUT
             or tick.link_delay > 0.0
@@ -245,11 +255,10 @@ class CommandDelay(Supervisor[CommandDelayParams]):
             self._step, self._shares = step, self._shares_of(step / NS)
         _, x, y, z, turns, climbs = compared
         shares, bound = self._shares, max(self.params.share * self._margin, _LEAST_BOUND_S)
-        e, u = x.turn(asked_x, rate_x, tilt_x, wx, shares)
-        f, v = y.turn(asked_y, rate_y, tilt_y, wy, shares)
-        late = turns.late(-e * u - f * v, u * u + v * v, e * e + f * f, bound, now, shares)
-        e, u = z.step(thrust, lift, shares)
-        late = max(late, climbs.late(-e * u, u * u, e * e, bound, now, shares))
+        about_x = x.turn(asked_x, rate_x, tilt_x, wx, shares)
+        about_y = y.turn(asked_y, rate_y, tilt_y, wy, shares)
+        late = turns.late(bound, now, shares, about_x, about_y)
+        late = max(late, climbs.late(bound, now, shares, z.step(thrust, lift, shares)))
         if late == 0.0:
             return None
         reason = f"commands act {late * 1e3:.0f} ms too late, {bound * 1e3:.0f} ms allowed"
