@@ -8,9 +8,10 @@ In every tick, `Decision` calls `Failsafe.check` and passes the severest alarm t
 - An alarm that persists is reported once.
 - A latched reaction is replaced only by a severer one, until the vehicle is reset in `fault`, on
   the ground. A `brake` on the way home becomes `land`.
-- A brake ends when every alarm that braked the vehicle has been silent for 1 s. An alarm that
-  returns within 5 s of that holds the vehicle for good, until `hover_limit` or what is left of the
-  state's `within` is over; then it lands.
+- A brake ends when every alarm that braked the vehicle has been silent for 1 s. If an alarm returns
+  within 5 s of that, the next brake ends only when they have been silent for 5 s and the vehicle
+  stands still, and after another return it doesn't end any more. It lands once `hover_limit` or
+  what is left of the state's `within` is over.
 - A vehicle that lands blind changes to a landing by its estimate (`land`) once there has been an
   estimate, and no alarm with the reaction `land_blind`, for 0.5 s: the IMU, by which it lands
   blind, may be wrong too. It continues to land blind if a landing by the estimate has failed or a
@@ -25,7 +26,8 @@ from typing import Any, NamedTuple
 
 from kybflow.core.errors import PartFailed, described
 from kybflow.core.events import AlarmRaised
-from kybflow.core.signals import NS, Alarm, Reaction, Tick, Time
+from kybflow.core.geometry import norm
+from kybflow.core.signals import NS, Alarm, Estimate, Reaction, Tick, Time
 from kybflow.dsl.names import AUTO_HOME, AUTO_LAND, BRAKE, FAULT, HOVER, LAND_BLIND
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.flight.landing_place import what_is_below
@@ -72,7 +74,11 @@ vehicle counts as on the ground."""
 RELEASED_AFTER_S = 1.0
 """Seconds for which every braking alarm must be silent before a brake ends."""
 RETURN_WINDOW_S = 5.0
-"""Seconds after a release within which a returning alarm holds the vehicle for good."""
+"""Seconds after a release within which an alarm counts as returning."""
+STANDING_TIME_S = 5.0
+"""Seconds for which every braking alarm must be silent before a brake ends after a return."""
+_STILL_SPEED = 0.05
+"""The largest speed of a vehicle that stands still, m/s."""
 SIGHT_TIME_NS: Time = NS // 2
 """How long there must be an estimate and no alarm before a vehicle stops landing blind."""
 _UNHURRIED_PERIOD_NS = NS // 50
@@ -130,7 +136,7 @@ class Failsafe:
         self._waived: dict[str, Time] = {}
         self._may_see = False
         self._blind: Time = 0
-        self._for_good = False
+        self._returns = 0
 
     def check(self, tick: Tick, off_ground: bool) -> RaisedAlarm | None:
         """Call every supervisor that is due; return the alarm with the severest reaction, or
@@ -254,8 +260,11 @@ class Failsafe:
         """Record a braking alarm; return whether the vehicle was already braked."""
         event = alarm.event
         braked, released = bool(self._braking), self._released.get(event)
-        if released is not None and now - released <= RETURN_WINDOW_S * NS:
-            self._for_good = True
+        returns = released is not None and now - released <= RETURN_WINDOW_S * NS
+        if returns and event not in self._braking:
+            self._returns += 1
+        elif not braked:
+            self._returns = 0
         self._braking[event] = _Brake(now, alarm.reason)
         return braked
 
@@ -270,25 +279,29 @@ class Failsafe:
         return " and ".join(brake.reason for brake in self._braking.values())
 
     @property
-    def holds_for_good(self) -> bool:
-        """Whether the brake doesn't end by itself, because its alarm has returned."""
-        return self._for_good
+    def has_returned(self) -> bool:
+        """Whether a braking alarm has returned soon after its release."""
+        return self._returns > 0
 
-    def release(self, now: Time) -> bool:
-        """End the brake if its alarms have been silent for long enough; return whether it ended."""
-        if not self._braking or self._for_good:
+    def release(self, now: Time, estimate: Estimate | None) -> bool:
+        """End the brake if its alarms have been silent for long enough; return whether it ended.
+        estimate: that of the vehicle."""
+        if not self._braking or self._returns > 1:
             return False
-        if any(now - brake.last < RELEASED_AFTER_S * NS for brake in self._braking.values()):
+        silence = STANDING_TIME_S if self._returns else RELEASED_AFTER_S
+        if any(now - brake.last < silence * NS for brake in self._braking.values()):
+            return False
+        if self._returns and (estimate is None or norm(estimate.velocity) > _STILL_SPEED):
             return False
         self._released.update(dict.fromkeys(self._braking, now))
         self._events.emit(FailsafeEnded(reaction="brake", alarm=self.braking), self._vehicle)
-        self.clear_brake()
+        self._braking.clear()
         return True
 
     def clear_brake(self) -> None:
         """End the brake without an event, because the vehicle does something else now."""
         self._braking.clear()
-        self._for_good = False
+        self._returns = 0
 
     def give_way(self, safer: Reaction | None) -> None:
         """End the brake, because a request brings the vehicle down. The current braking alarms
@@ -415,16 +428,16 @@ class Reactions:
         raised = self._failsafe.failure(failure, reaction, runner.state.at)
         self.react(raised, tick, grounded=is_needed and latched is Reaction.LAND_BLIND)
 
-    def update_hold(self, now: Time) -> None:
+    def update_hold(self, now: Time, estimate: Estimate | None) -> None:
         """Release a brake once its alarms have been silent for long enough; land if the hold has
-        lasted longer than the mission's hover limit, or, if the brake holds for good, longer than
-        what is left of the state's `within`."""
+        lasted longer than the mission's hover limit, or, if a braking alarm has returned, longer
+        than what is left of the state's `within`."""
         hold, failsafe = self._runner.hold, self._failsafe
         assert hold is not None
-        if "brake" in hold.holders and failsafe.release(now):
+        if "brake" in hold.holders and failsafe.release(now, estimate):
             hold.leave("brake", now)
         limit = self._plan.hover_limit
-        if failsafe.holds_for_good:
+        if failsafe.has_returned:
             limit = min(limit, self._runner.remaining(now))
         if hold.lasts and self._runner.off_ground and now - hold.since >= limit * NS:
             why = failsafe.brakes_because
