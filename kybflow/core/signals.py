@@ -293,7 +293,8 @@ class Alarm(NamedTuple):
     reaction: what the failsafe does. value, bound: the measured value and the bound, None if they
     are no numbers. is_failure: whether the mission counts as failed even if the vehicle lands
     well. late: by how much later than usual commands take effect, s; the vehicle then doesn't
-    follow its setpoint."""
+    follow its setpoint. passes: whether the cause has passed once the vehicle has braked and stands
+    still."""
 
     event: str
     reaction: Reaction
@@ -302,6 +303,7 @@ class Alarm(NamedTuple):
     bound: float | None = None
     is_failure: bool = False
     late: float = 0.0
+    passes: bool = False
 
 
 class Done(NamedTuple):

@@ -86,7 +86,7 @@ class PositionError(Processor[PositionErrorParams]):
         if error <= limit:
             return setpoint
         reason = f"{error:.2f} m from its setpoint, {limit:g} m allowed"
-        return Alarm("position_error_exceeded", Reaction.BRAKE, reason, error, limit)
+        return Alarm("position_error_exceeded", Reaction.BRAKE, reason, error, limit, passes=True)
 
     def _settling_limit(self, limit: float, tick: Tick) -> float:
         """Return the limit of a vehicle that has not flown for long."""

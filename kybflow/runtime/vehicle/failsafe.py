@@ -8,10 +8,11 @@ In every tick, `Decision` calls `Failsafe.check` and passes the severest alarm t
 - An alarm that persists is reported once.
 - A latched reaction is replaced only by a severer one, until the vehicle is reset in `fault`, on
   the ground. A `brake` on the way home becomes `land`.
-- A brake ends when every alarm that braked the vehicle has been silent for 1 s. If an alarm returns
-  within 5 s of that, the next brake ends only when they have been silent for 5 s and the vehicle
-  stands still, and after another return it doesn't end any more. It lands once `hover_limit` or
-  what is left of the state's `within` is over.
+- A brake ends when every alarm that braked the vehicle has been silent for 1 s. An alarm that
+  returns within 5 s of that holds the vehicle for good, until `hover_limit` or what is left of the
+  state's `within` is over; then it lands. But if the cause passes while a vehicle stands still, as
+  when wind has pushed it from its setpoint, the second brake ends when the vehicle has stood still
+  for 5 s; only a third one is for good.
 - A vehicle that lands blind changes to a landing by its estimate (`land`) once there has been an
   estimate, and no alarm with the reaction `land_blind`, for 0.5 s: the IMU, by which it lands
   blind, may be wrong too. It continues to land blind if a landing by the estimate has failed or a
@@ -76,7 +77,7 @@ RELEASED_AFTER_S = 1.0
 RETURN_WINDOW_S = 5.0
 """Seconds after a release within which an alarm counts as returning."""
 STANDING_TIME_S = 5.0
-"""Seconds for which every braking alarm must be silent before a brake ends after a return."""
+"""Seconds for which the alarms must be silent before the second brake ends."""
 _STILL_SPEED = 0.05
 """The largest speed of a vehicle that stands still, m/s."""
 SIGHT_TIME_NS: Time = NS // 2
@@ -102,10 +103,12 @@ class RaisedAlarm(NamedTuple):
 
 
 class _Brake(NamedTuple):
-    """A braking alarm. last: when it was last raised. reason: its reason at that time."""
+    """A braking alarm. last: when it was last raised. reason: its reason at that time. passes:
+    whether its cause passes."""
 
     last: Time
     reason: str
+    passes: bool
 
 
 class Failsafe:
@@ -195,7 +198,7 @@ class Failsafe:
         last = self._last.get(alarm.event)
         self._last[alarm.event] = now
         if alarm.reaction is Reaction.BRAKE and alarm.event in self._braking:
-            self._braking[alarm.event] = _Brake(now, alarm.reason)
+            self._braking[alarm.event] = _Brake(now, alarm.reason, alarm.passes)
         waived = self._waived.pop(alarm.event, None)
         if waived is not None and now - waived < RELEASED_AFTER_S * NS:
             self._waived[alarm.event] = now
@@ -265,7 +268,7 @@ class Failsafe:
             self._returns += 1
         elif not braked:
             self._returns = 0
-        self._braking[event] = _Brake(now, alarm.reason)
+        self._braking[event] = _Brake(now, alarm.reason, alarm.passes)
         return braked
 
     @property
@@ -286,13 +289,16 @@ class Failsafe:
     def release(self, now: Time, estimate: Estimate | None) -> bool:
         """End the brake if its alarms have been silent for long enough; return whether it ended.
         estimate: that of the vehicle."""
-        if not self._braking or self._returns > 1:
+        brakes = self._braking.values()
+        if not brakes or self._returns > 1:
             return False
         silence = STANDING_TIME_S if self._returns else RELEASED_AFTER_S
-        if any(now - brake.last < silence * NS for brake in self._braking.values()):
+        if any(now - brake.last < silence * NS for brake in brakes):
             return False
-        if self._returns and (estimate is None or norm(estimate.velocity) > _STILL_SPEED):
-            return False
+        if self._returns:
+            passed = all(brake.passes for brake in brakes)
+            if not passed or estimate is None or norm(estimate.velocity) > _STILL_SPEED:
+                return False
         self._released.update(dict.fromkeys(self._braking, now))
         self._events.emit(FailsafeEnded(reaction="brake", alarm=self.braking), self._vehicle)
         self._braking.clear()

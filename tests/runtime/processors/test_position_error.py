@@ -17,6 +17,7 @@ def test_past_the_limit_it_asks_to_brake() -> None:
         "0.75 m from its setpoint, 0.5 m allowed",
         0.75,
         0.5,
+        passes=True,
     )
     assert expected == PROCESSOR(at_rest((0.75, 0.0, 1.0)), tick(known=KNOWN))
 
