@@ -130,7 +130,7 @@ class Decision:
         if self._requests.waiting:
             self.answer(tick.now)
         if runner.hold is not None:
-            self._reactions.update_hold(tick.now, tick.estimate)
+            self._reactions.update_hold(tick)
         elif runner.entries == self._settled:
             runner.step(tick)
         return tick if runner.entries == self._settled else self._settle(tick)

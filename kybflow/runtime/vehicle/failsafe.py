@@ -11,8 +11,8 @@ In every tick, `Decision` calls `Failsafe.check` and passes the severest alarm t
 - A brake ends when every alarm that braked the vehicle has been silent for 1 s. An alarm that
   returns within 5 s of that holds the vehicle for good, until `hover_limit` or what is left of the
   state's `within` is over; then it lands. But if the cause passes while a vehicle stands still, as
-  when wind has pushed it from its setpoint, the second brake ends when the vehicle has stood still
-  for 5 s; only a third one is for good.
+  when wind has pushed it from its setpoint, the second brake ends after 5 s of silence if the
+  vehicle is where it is held; only a third one is for good.
 - A vehicle that lands blind changes to a landing by its estimate (`land`) once there has been an
   estimate, and no alarm with the reaction `land_blind`, for 0.5 s: the IMU, by which it lands
   blind, may be wrong too. It continues to land blind if a landing by the estimate has failed or a
@@ -27,8 +27,8 @@ from typing import Any, NamedTuple
 
 from kybflow.core.errors import PartFailed, described
 from kybflow.core.events import AlarmRaised
-from kybflow.core.geometry import norm
-from kybflow.core.signals import NS, Alarm, Estimate, Reaction, Tick, Time
+from kybflow.core.geometry import distance
+from kybflow.core.signals import NS, Alarm, Reaction, Tick, Time
 from kybflow.dsl.names import AUTO_HOME, AUTO_LAND, BRAKE, FAULT, HOVER, LAND_BLIND
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.flight.landing_place import what_is_below
@@ -78,8 +78,8 @@ RETURN_WINDOW_S = 5.0
 """Seconds after a release within which an alarm counts as returning."""
 STANDING_TIME_S = 5.0
 """Seconds for which the alarms must be silent before the second brake ends."""
-_STILL_SPEED = 0.05
-"""The largest speed of a vehicle that stands still, m/s."""
+_STILL_DISTANCE = 0.1
+"""How far a vehicle that stands is from where it is held, m; its speed shakes in wind."""
 SIGHT_TIME_NS: Time = NS // 2
 """How long there must be an estimate and no alarm before a vehicle stops landing blind."""
 _UNHURRIED_PERIOD_NS = NS // 50
@@ -286,19 +286,17 @@ class Failsafe:
         """Whether a braking alarm has returned soon after its release."""
         return self._returns > 0
 
-    def release(self, now: Time, estimate: Estimate | None) -> bool:
-        """End the brake if its alarms have been silent for long enough; return whether it ended.
-        estimate: that of the vehicle."""
+    def release(self, tick: Tick) -> bool:
+        """End the brake if its alarms have been silent for long enough; return whether it ended."""
+        now = tick.now
         brakes = self._braking.values()
         if not brakes or self._returns > 1:
             return False
         silence = STANDING_TIME_S if self._returns else RELEASED_AFTER_S
         if any(now - brake.last < silence * NS for brake in brakes):
             return False
-        if self._returns:
-            passed = all(brake.passes for brake in brakes)
-            if not passed or estimate is None or norm(estimate.velocity) > _STILL_SPEED:
-                return False
+        if self._returns and not (all(brake.passes for brake in brakes) and _stands(tick)):
+            return False
         self._released.update(dict.fromkeys(self._braking, now))
         self._events.emit(FailsafeEnded(reaction="brake", alarm=self.braking), self._vehicle)
         self._braking.clear()
@@ -434,13 +432,13 @@ class Reactions:
         raised = self._failsafe.failure(failure, reaction, runner.state.at)
         self.react(raised, tick, grounded=is_needed and latched is Reaction.LAND_BLIND)
 
-    def update_hold(self, now: Time, estimate: Estimate | None) -> None:
+    def update_hold(self, tick: Tick) -> None:
         """Release a brake once its alarms have been silent for long enough; land if the hold has
         lasted longer than the mission's hover limit, or, if a braking alarm has returned, longer
         than what is left of the state's `within`."""
-        hold, failsafe = self._runner.hold, self._failsafe
+        hold, failsafe, now = self._runner.hold, self._failsafe, tick.now
         assert hold is not None
-        if "brake" in hold.holders and failsafe.release(now, estimate):
+        if "brake" in hold.holders and failsafe.release(tick):
             hold.leave("brake", now)
         limit = self._plan.hover_limit
         if failsafe.has_returned:
@@ -450,6 +448,14 @@ class Reactions:
             self._score.failure(f"held for {limit:.3g} s{': ' if why else ''}{why}")
             failsafe.clear_brake()
             self._runner.enter_built_in(AUTO_LAND)
+
+
+def _stands(tick: Tick) -> bool:
+    """Return whether a vehicle that is held stands where it should."""
+    held = None if tick.setpoint is None else tick.setpoint.position
+    if held is None or tick.estimate is None:
+        return False
+    return distance(held, tick.estimate.position) <= _STILL_DISTANCE
 
 
 def _keeps_landing(alarm: Alarm, runner: BehaviorRunner, tick: Tick) -> bool:
