@@ -34,7 +34,7 @@ BUDGET = {
         "processors": 384,
         "behavior": 348,
         "recorder": 323,
-        "supervisors": 182,
+        "supervisors": 542,
     },
     8: {
         "simulator": 8065,
@@ -44,7 +44,7 @@ BUDGET = {
         "processors": 384,
         "behavior": 348,
         "recorder": 318,
-        "supervisors": 243,
+        "supervisors": 603,
     },
 }
 """Bytecodes a vehicle and tick, by the number of vehicles, in a plain install, at 125 ticks and

@@ -23,6 +23,7 @@ from kybflow.dsl.language.records import Source
 from kybflow.dsl.plan import InputPlan, PartPlan, Plan, Values, VehiclePlan
 from kybflow.dsl.reading import nodes
 from kybflow.dsl.reading.reader import compose
+from kybflow.flight.loops.position_loop import delay_margin
 from kybflow.parts import Driver, InputLink, Link, Seat, Session, Stream
 from kybflow.parts.catalog import Catalog
 from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
@@ -191,11 +192,14 @@ def context_of(plan: Plan, vehicle: VehiclePlan) -> VehicleContext:
     """Return the facts about a vehicle and its surroundings that its parts may use."""
     sizes = {other.name: other.airframe.diameter for other in plan.vehicles}
     starts = {other.name: other.start for other in plan.vehicles}
-    inner = vehicle.driver.cls.inner_loop(vehicle.driver.params, vehicle.airframe)
+    airframe, tracker, period = vehicle.airframe, vehicle.tracker, 1.0 / plan.control_rate
+    inner = vehicle.driver.cls.inner_loop(vehicle.driver.params, airframe)
+    outer = tracker.cls.outer_loop(tracker.params, airframe, inner, period)
     return VehicleContext(
-        vehicle.name, vehicle.airframe, vehicle.start, vehicle.heading, plan.fence,
-        1.0 / plan.control_rate, vehicle.home, plan.obstacles, sizes, plan.tags, vehicle.cameras,
+        vehicle.name, airframe, vehicle.start, vehicle.heading, plan.fence,
+        period, vehicle.home, plan.obstacles, sizes, plan.tags, vehicle.cameras,
         vehicle.payload, inner, starts, plan.groups, plan.touchable, plan.moving,
+        delay_margin(outer, inner),
     )  # fmt: skip
 
 

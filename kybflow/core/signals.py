@@ -292,7 +292,9 @@ class Alarm(NamedTuple):
     """The report that a bound was crossed. event: the name of the event, in the past tense.
     reaction: what the failsafe does. value, bound: the measured value and the bound, None if they
     are not numbers. is_failure: whether the mission counts as failed even if the vehicle lands
-    well."""
+    well. late: by how much later than usual commands take effect, s; the vehicle then doesn't
+    follow its setpoint. passes: whether the cause has passed once the vehicle has braked and stands
+    still."""
 
     event: str
     reaction: Reaction
@@ -300,6 +302,8 @@ class Alarm(NamedTuple):
     value: float | None = None
     bound: float | None = None
     is_failure: bool = False
+    late: float = 0.0
+    passes: bool = False
 
 
 class Done(NamedTuple):
@@ -457,7 +461,7 @@ class Tick(NamedTuple):
     round-trip time to the vehicle in seconds, zero while unknown. payload: where the payload is,
     None while unknown. inputs: the readings of the mission's inputs. neighbours: what the vehicles
     have published in earlier ticks. moving: the moving obstacles. wrong_frame: why the frame of the
-    poses is wrong, None while no error is known.
+    poses is wrong, None while no error is known. command: the one that was sent in the last tick.
     """
 
     now: Time
@@ -475,6 +479,7 @@ class Tick(NamedTuple):
     neighbours: Neighbours = NOBODY
     moving: SeenObstacles = NO_OBSTACLES
     wrong_frame: WrongFrame | None = None
+    command: Command | None = None
 
     def known(self) -> Estimate:
         """Return the estimate. Raises EstimateMissing if there is none."""

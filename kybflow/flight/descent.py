@@ -53,10 +53,14 @@ while the thrust falls below 0.4 of the hover thrust; after 0.05 s of that the r
 air f follows the thrust; the vehicle loses at most 1.2 m/s, and the descent goes on. There is no
 probe in the first 0.2 s, in which the rotors may still follow the previous command, nor within 0.1
 s after another one.
+
+If commands take effect `late`, s is the thrust that was commanded so long ago, and in the beginning
+the measured specific force over l; a probe takes longer by as much.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from math import hypot, sqrt, tan
 
 from kybflow.core.geometry import GRAVITY, Vec3
@@ -101,18 +105,27 @@ STOPPED_SPEED = 0.03
 class Descent:
     """The control law of one descent. hover: the estimated hover thrust, N. most: the largest
     thrust of the rotors, N. climb: the initial upward speed, m/s. rest: the specific force along
-    body z at rest, m/s^2. unsure: the share of the weight that `hover` may fail to carry."""
+    body z at rest, m/s^2. unsure: the share of the weight that `hover` may fail to carry. late: by
+    how much later than usual commands take effect, s."""
 
     __slots__ = (
-        "_both", "_error", "_given", "_held", "_hover", "_last", "_lift", "_mean", "_most",
-        "_noise", "_probe", "_pushed", "_rested", "_share", "_slow", "_speed", "_sure", "_time",
-        "_unsure", "_weakness",
+        "_acting", "_both", "_error", "_given", "_held", "_hover", "_last", "_late", "_lift",
+        "_mean", "_most", "_noise", "_probe", "_pushed", "_rested", "_sent", "_share", "_slow",
+        "_speed", "_sure", "_time", "_unsure", "_weakness",
     )  # fmt: skip
 
     def __init__(
-        self, hover: float, most: float, climb: float, rest: float = GRAVITY, unsure: float = 0.1
+        self,
+        hover: float,
+        most: float,
+        climb: float,
+        rest: float = GRAVITY,
+        unsure: float = 0.1,
+        late: float = 0.0,
     ) -> None:
         self._hover, self._most = hover, most
+        self._late, self._acting = late, 1.0
+        self._sent: deque[tuple[float, float]] = deque()
         self._error = rest - GRAVITY
         self._speed, self._lift = climb, GRAVITY
         self._slow, self._both, self._unsure = SPEED_SPREAD**2, 0.0, LIFT_SPREAD**2
@@ -133,7 +146,14 @@ class Descent:
         along body z (m/s^2) over the last `dt` seconds."""
         self._time += dt
         lift -= self._error
-        self._given += (self._share - self._given) * dt / (ROTOR_LAG_S + dt)
+        if not self._late:
+            self._acting = self._share
+        while self._sent and self._sent[0][0] <= self._time:
+            self._acting = self._sent.popleft()[1]
+        if self._time <= self._late:
+            self._given = lift / self._lift
+        else:
+            self._given += (self._acting - self._given) * dt / (ROTOR_LAG_S + dt)
         self._listen(lift, dt)
         excess = lift - self._lift * self._given
         struck = excess > max(IMPACT_FORCE, SIGMAS * sqrt(self._noise))
@@ -154,16 +174,18 @@ class Descent:
         share = self._ask()
         if probes:
             share = self._share = MIN_THRUST
+        if self._late:
+            self._sent.append((self._time + self._late, share))
         return min(self._hover * share, self._most)
 
     def _probes(self, struck: bool, lift: float, dt: float) -> bool:
         """Return whether the thrust is reduced to find out whether the floor carries the
         vehicle."""
         self._mean += (min(lift, 1.5 * GRAVITY) - self._mean) * dt / (PROBE_AVERAGING_S + dt)
-        since = self._time - self._probe
-        if struck and self._time > DEAF_S and since > PROBE_TIME_S + PROBE_PAUSE_S:
+        since, lasts = self._time - self._probe, PROBE_TIME_S + self._late
+        if struck and self._time > DEAF_S + self._late and since > lasts + PROBE_PAUSE_S:
             self._probe, since = self._time, 0.0
-        probes = since < PROBE_TIME_S or self._held > 0.0
+        probes = since < lasts or self._held > 0.0
         found = probes and self._given < PROBED_THRUST and self._mean > PROBED_FORCE
         self._held = self._held + dt if found else 0.0
         return probes
@@ -223,7 +245,8 @@ class BlindBrake:
     below 3 cm/s.
 
     velocity, acceleration: those of the vehicle at the start along x and y, world, m/s and m/s^2; a
-    velocity above the airframe's largest speed is reduced to it.
+    velocity above the airframe's largest speed is reduced to it. late: by how much later than usual
+    commands take effect, s.
     """
 
     __slots__ = ("_airframe", "_is_over", "_lag", "_lean", "_velocity")
@@ -233,13 +256,14 @@ class BlindBrake:
         velocity: tuple[float, float],
         acceleration: tuple[float, float],
         airframe: Airframe,
+        late: float = 0.0,
     ) -> None:
         x, y = velocity
         most = min(1.0, airframe.speed / max(hypot(x, y), STOPPED_SPEED))
         self._velocity = x, y = (most * x, most * y)
         self._lean = (acceleration[0] + airframe.drag * x, acceleration[1] + airframe.drag * y)
         loop = airframe.attitude_loop
-        self._airframe, self._lag = airframe, loop.derivative / loop.proportional
+        self._airframe, self._lag = airframe, late + loop.derivative / loop.proportional
         self._is_over = False
 
     @property

@@ -17,6 +17,7 @@ from kybflow.core.signals import (
     Estimate,
     Failed,
     Grip,
+    Imu,
     InputReadings,
     Measurement,
     MeasurementKind,
@@ -61,13 +62,14 @@ GROUND, AIR, MOVING = Flight.GROUND, Flight.AIR, Flight.MOVING
 class Entry(NamedTuple):
     """The situation in which a behavior is entered.
 
-    setpoint: the last setpoint that the tracker followed; None on the ground and sometimes in the
-    air, so use `flight` to tell where the vehicle is. hover_thrust: the tracker's estimate of the
-    hover thrust, newtons. resting_force: the specific force along body z that the IMU measured at
-    rest on the ground, m/s^2; gravity if unknown. inputs: the current readings of the mission's
-    inputs. lost: where there is no estimate, the last one before it was lost. imu_velocity: the
-    velocity by the IMU alone, forward, left and up, m/s, if the frame of the estimate is wrong;
-    None otherwise.
+    setpoint: the last setpoint that the tracker followed; None on the ground, while commands are
+    late, and sometimes in the air, so use `flight` to tell where the vehicle is. hover_thrust: the
+    tracker's estimate of the hover thrust, newtons. resting_force: the specific force along body z
+    that the IMU measured at rest on the ground, m/s^2; gravity if unknown. inputs: the current
+    readings of the mission's inputs. lost: where there is no estimate, the last one before it was
+    lost. imu_velocity: the velocity by the IMU alone, forward, left and up, m/s, if the frame of
+    the estimate is wrong; None otherwise. imu: the newest IMU measurement, None without one. late:
+    by how much later than usual commands take effect, s.
     """
 
     now: Time
@@ -80,6 +82,8 @@ class Entry(NamedTuple):
     inputs: InputReadings = NO_INPUTS
     lost: Estimate | None = None
     imu_velocity: Vec3 | None = None
+    imu: Imu | None = None
+    late: float = 0.0
 
     @property
     def known(self) -> Estimate | None:

@@ -190,7 +190,8 @@ class VehicleContext(NamedTuple):
     the airframe's cameras, by name. payload: the payload that the vehicle carries, None for none.
     loop: the inner loop that its driver declares, None for none. starts: the declared starts of all
     vehicles, by vehicle. groups: the mission's groups, each with its vehicles. touchable: the names
-    of the obstacles that vehicles may touch. moving: the moving obstacles, by name.
+    of the obstacles that vehicles may touch. moving: the moving obstacles, by name. delay_margin:
+    that of the position loop, seconds; None if the tracker closes none around a known inner loop.
     """
 
     vehicle: str
@@ -210,6 +211,7 @@ class VehicleContext(NamedTuple):
     groups: Mapping[str, tuple[str, ...]] = MappingProxyType({})
     touchable: frozenset[str] = frozenset()
     moving: Mapping[str, MovingSphere] = MappingProxyType({})
+    delay_margin: float | None = None
 
 
 FULL_VOLTAGE = 4.2 * 4

@@ -36,7 +36,7 @@ BUDGET = {
     "survey": {
         "check": 133572,
         "resolve": 83991,
-        "expand": 77930,
+        "expand": 80351,
         "expressions": 37588,
         "read": 29945,
         "judge": 9474,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections import deque
 from math import ceil, cos, hypot, sin, tan
 from typing import NamedTuple
 
@@ -47,20 +48,24 @@ def fall(
     sigma: float = QUIET,
     unsure: float = 0.1,
     bumps: tuple[float, ...] = (),
+    late: float = 0.0,
+    told: bool = True,
 ) -> Fall:
     """A body whose thrust is wrong by `error` over a stiff floor; `unknown` is a vertical speed at
-    the beginning that nobody knows of. At each of `bumps`, s, something else strikes it upwards."""
+    the beginning that nobody knows of. At each of `bumps`, s, something else strikes it upwards.
+    late: by how much commands take effect later, s. told: whether the law knows."""
     noise = random.Random(seed)
-    descent = Descent(MASS * GRAVITY, MOST, climb, unsure=unsure)
+    descent = Descent(MASS * GRAVITY, MOST, climb, unsure=unsure, late=late if told else 0.0)
     z, v, top, touch = height, climb + unknown, height, None
     low, rose = height, 0.0
-    thrust = command = MASS * GRAVITY
+    thrust = MASS * GRAVITY
+    commands = deque([thrust] * (1 + round(late / dt)))
     parts = ceil(dt / LONGEST)
     h = dt / parts
     for step in range(round(40.0 / dt)):
         struck = BUMP if any(at <= step * dt < at + BUMP_TIME for at in bumps) else 0.0
         for part in range(parts):
-            thrust += (command - thrust) * h / ROTOR_TIME
+            thrust += (commands[0] - thrust) * h / ROTOR_TIME
             lift = (1.0 + error) * thrust / MASS
             if z <= 0.0:
                 touch = touch or (-v, step * dt + part * h)
@@ -74,7 +79,8 @@ def fall(
         if given is None:
             assert touch is not None, "the rotors stopped in the air"
             return Fall(*touch, (step + 1) * dt, top - height, rose)
-        command = given
+        commands.append(given)
+        commands.popleft()
     raise AssertionError("it did not come down")
 
 
@@ -86,6 +92,15 @@ def test_it_comes_down_gently_whatever_is_wrong_with_the_thrust(height, error):
     assert touched < 4.2
     assert stopped - touched < 0.25
     assert climbed < 0.005
+
+
+@pytest.mark.parametrize("late", [0.06, 0.1, 0.15])
+@pytest.mark.parametrize("height", HEIGHTS)
+def test_late_commands_that_it_knows_of_do_not_make_it_swing(height, late):
+    knows, guesses = fall(height, late=late), fall(height, late=late, told=False)
+    assert knows.speed < 1.05
+    assert knows.rose < 0.005
+    assert late < 0.1 or guesses.rose > 0.005 or guesses.speed > knows.speed
 
 
 @pytest.mark.parametrize("bias", [-0.25, -0.15, 0.15, 0.25])

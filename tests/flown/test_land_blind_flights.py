@@ -141,9 +141,9 @@ def test_it_begins_at_the_speed_at_which_the_estimate_was_lost(run, monkeypatch,
     """It is lost in a tick in which the vehicle needs it and no supervisor looks."""
     begun: list[float] = []
 
-    def noted(hover: float, most: float, climb: float, rest: float) -> Descent:
+    def noted(hover: float, most: float, climb: float, rest: float, late: float) -> Descent:
         begun.append(climb)
-        return Descent(hover, most, climb, rest)
+        return Descent(hover, most, climb, rest, late=late)
 
     monkeypatch.setattr("kybflow.runtime.behaviors.land_blind.Descent", noted)
     monkeypatch.setattr(Loses, "at", lost, raising=False)

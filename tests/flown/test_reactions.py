@@ -118,6 +118,26 @@ def test_a_brake_that_comes_again_holds_for_good_and_lands(run):
     assert flown.exit_code == 1
 
 
+def test_a_brake_whose_cause_passes_ends_a_second_time_once_the_vehicle_stands(run):
+    alarms = alarming((6.0, 6.1, BRAKE), (9.0, 9.1, BRAKE), passes=True)
+    flown, told = run(flight(alarms))
+    assert [e.time / NS for e in named(told, "failsafe_ended")] == [
+        pytest.approx(7.1, abs=0.02),
+        pytest.approx(9.1 + 5.0, abs=0.02),
+    ]
+    assert flown.exit_code == 0
+
+
+@pytest.mark.thorough
+def test_a_third_brake_holds_for_good_even_so(run):
+    times = (6.0, 6.1, BRAKE), (9.0, 9.1, BRAKE), (15.0, 15.1, BRAKE)
+    flown, told = run(flight(alarming(*times, passes=True), hover_limit=8.0))
+    assert len(named(told, "failsafe_ended")) == 2
+    [home] = [e for e in named(told, "behavior_started") if e.fields["behavior"] == "auto_land"]
+    assert home.time / NS == pytest.approx(15.0 + 8.0, abs=0.05)
+    assert "held for 8 s" in flown.summary["reason"]
+
+
 def test_a_brake_that_holds_for_good_does_not_stop_within(run):
     """Its behavior never goes on, so that only a landing is left of what it may take."""
     late = TransitionPlan(target="away", cause="within", after=4.0)

@@ -20,14 +20,16 @@ from kybflow.runtime.vehicle.vehicle import Vehicle
 LINE = "mission.yaml:7"
 
 
-def alarming(*times: tuple[float, float, Reaction], event: str = "alarmed") -> PartPlan:
+def alarming(
+    *times: tuple[float, float, Reaction], event: str = "alarmed", passes: bool = False
+) -> PartPlan:
     """A supervisor that asks for each reaction from one time to another, seconds of the run."""
 
     class Alarming(Supervisor[NoParams]):
         def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
             for begin, end, reaction in times:
                 if begin * NS <= tick.now < end * NS:
-                    return Alarm(event, reaction, "the test says so", 2.0, 1.0)
+                    return Alarm(event, reaction, "the test says so", 2.0, 1.0, passes=passes)
             return None
 
     return PartPlan("alarming", Alarming, NoParams(), f"supervisors.{event}", LINE)

@@ -14,6 +14,7 @@ from kybflow.dsl.expressions.tokens import KEYWORDS
 from kybflow.dsl.language.records import Record
 from kybflow.dsl.names import BUILT_IN, Scopes
 from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan, VehiclePlan
+from kybflow.flight.loops.position_loop import delay_margin
 from kybflow.parts import Behavior, Flight, Leg
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -152,14 +153,18 @@ def contexts(case: Case) -> Iterator[tuple[VehiclePlan, VehicleContext]]:
     diameters = {vehicle.name: vehicle.airframe.diameter for vehicle in plan.vehicles}
     starts = {vehicle.name: vehicle.start for vehicle in plan.vehicles}
     for vehicle in plan.vehicles:
-        driver, airframe = vehicle.driver, vehicle.airframe
+        driver, airframe, tracker = vehicle.driver, vehicle.airframe, vehicle.tracker
+        period = 1.0 / plan.control_rate
+        inner = driver.cls.inner_loop(driver.params, airframe)
+        outer = tracker.cls.outer_loop(tracker.params, airframe, inner, period)
         context = VehicleContext(
             vehicle.name, airframe, vehicle.start, vehicle.heading, plan.fence,
-            1.0 / plan.control_rate, vehicle.home, plan.obstacles, diameters,
+            period, vehicle.home, plan.obstacles, diameters,
             cameras=vehicle.own_cameras,
             payload=vehicle.payload,
-            loop=driver.cls.inner_loop(driver.params, airframe),
+            loop=inner,
             starts=starts,
             groups=plan.groups,
+            delay_margin=delay_margin(outer, inner),
         )  # fmt: skip
         yield vehicle, context

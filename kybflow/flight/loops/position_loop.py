@@ -253,6 +253,11 @@ def margins_of(outer: OuterLoop, inner: InnerLoop) -> Margins:
     return reduce(Margins.within, map(margins, ways))
 
 
+def delay_margin(outer: OuterLoop | None, inner: InnerLoop | None) -> float | None:
+    """Return the delay margin (s) of a tracker's loop; None if one of the loops is unknown."""
+    return None if outer is None or inner is None else margins_of(outer, inner).delay
+
+
 def holds(found: Margins, bound: Margins) -> bool:
     """Return whether all margins are at least those of `bound`."""
     return all(own >= least for own, least in zip(found, bound, strict=True))

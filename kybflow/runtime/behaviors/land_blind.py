@@ -18,10 +18,12 @@ at rest on the ground is known and taken as gravity (`kybflow.runtime.vehicle.kn
 later change then has this effect.
 
 It begins at the velocity of the last setpoint if that was within 0.3 m of the last estimate, else
-at that of the last estimate; if the frame of the estimate is wrong (`mocap_frame`), at the velocity
-by the IMU. The horizontal velocity is braked first, as hard as the airframe's largest tilt allows,
-by a model of the vehicle (`kybflow.flight.descent.BlindBrake`) in the vehicle's heading. A bump
-against a wall or another vehicle is not mistaken for the floor.
+at that of the last estimate, also if commands are late (`commands_late`); if the frame of the
+estimate is wrong (`mocap_frame`), at the velocity by the IMU. The horizontal velocity is braked
+first, as hard as the airframe's largest tilt allows, by a model of the vehicle
+(`kybflow.flight.descent.BlindBrake`) in the vehicle's heading. A bump against a wall or another
+vehicle is not mistaken for the floor. If commands are late, so that the vehicle bounces on the
+floor, a fresh estimate that shows it on the ground and not sinking also ends the landing.
 
 If nothing has arrived from the vehicle for 0.25 s, no command is sent either: the vehicle lands by
 its own watchdog, which the preflight has checked and which reads the IMU.
@@ -53,13 +55,20 @@ open-loop ramp is gentle for every error, this one is bounded for all of them.
 
 from __future__ import annotations
 
-from kybflow.core.geometry import GRAVITY, LEVEL, ZERO, from_thrust_direction, heading_of
-from kybflow.core.signals import NS, Command, CommandKind, Done, Imu, Tick, Time
+from kybflow.core.geometry import (
+    GRAVITY,
+    LEVEL,
+    ZERO,
+    body_z,
+    from_thrust_direction,
+    heading_of,
+)
+from kybflow.core.signals import NS, Command, CommandKind, Done, Estimate, Imu, Tick, Time
 from kybflow.core.units import Damping, Duration, Ratio
 from kybflow.flight.descent import BlindBrake, Descent
 from kybflow.flight.motion import IDLE
 from kybflow.parts import AIR, GROUND, MOVING, Behavior, Entry, param, params
-from kybflow.world.ground import height_in_the_air
+from kybflow.world.ground import FRESH_S, height_in_the_air
 
 _ARREST_TIME_S = 0.8
 _MAX_KICK = 0.3
@@ -67,6 +76,10 @@ _MAX_SAMPLE_S = 0.25
 """Longest interval (s) of one IMU sample."""
 _IMU_TIMEOUT_NS = NS // 10
 """Time without an IMU sample after which the descent continues in open loop."""
+_SINK_SPEED = -0.1
+_CLIMB_LAG_S = 0.06
+"""By how much the climb rate of an estimate lags behind, s: 2 / (2 pi 5 Hz) in `mocap`.
+A vehicle whose vertical loop oscillates reaches 8 m/s^2."""
 _LINK_TIMEOUT_S = 0.25
 """Seconds without a message from the vehicle after which its own watchdog must land it."""
 
@@ -102,19 +115,27 @@ class LandBlind(
     def __init__(self, params: LandBlindParams, entry: Entry) -> None:
         super().__init__(params, entry)
         self._grounded, self._context = entry.flight is GROUND, entry.context
+        self._late = entry.late
         self._hover = entry.hover_thrust
         self._most = entry.context.airframe.max_thrust
         known, felt = entry.known, entry.imu_velocity
         if felt is None:
             vx, vy, climb = entry.motion.velocity
             ax, ay, _ = (entry.setpoint and entry.setpoint.acceleration) or ZERO
+            if entry.late and entry.estimate is not None:
+                ux, uy, uz = body_z(entry.estimate.attitude)
+                ax, ay = GRAVITY * ux, GRAVITY * uy
+                if entry.imu is not None:
+                    climb += _CLIMB_LAG_S * (uz * entry.imu.specific_force[2] - GRAVITY)
             self._heading = entry.heading if known is None else heading_of(known.attitude)
         else:
             vx, vy, climb = felt
             ax = ay = self._heading = 0.0
-        self._brake = BlindBrake((vx, vy), (ax, ay), entry.context.airframe)
+        self._brake = BlindBrake((vx, vy), (ax, ay), entry.context.airframe, entry.late)
         self._kick = min(max(-2.0 * climb / (GRAVITY * _ARREST_TIME_S), -_MAX_KICK), _MAX_KICK)
-        self._descent: Descent | None = Descent(self._hover, self._most, climb, entry.resting_force)
+        self._descent: Descent | None = Descent(
+            self._hover, self._most, climb, entry.resting_force, late=entry.late
+        )
         self._heard: Time = entry.now
         self._last: Imu | None = None
         self._felt: float | None = None
@@ -124,6 +145,8 @@ class LandBlind(
             return Done(IDLE)
         leant, pull = self._brake.lean, self._brake.step(tick.dt)
         if self._descent is not None and self._landed(self._descent, tick, leant):
+            return Done(IDLE)
+        if self._late and self._stands(tick.estimate):
             return Done(IDLE)
         if self._descent is None and tick.elapsed >= self.params.time_bound:
             known = tick.estimate
@@ -139,6 +162,12 @@ class LandBlind(
             thrust = self._hover * (share + self._kick * max(1.0 - time / _ARREST_TIME_S, 0.0))
         attitude = LEVEL if pull is None else from_thrust_direction(pull, self._heading)
         return Command(attitude, min(max(thrust / leant, 0.0), self._most), ZERO, None)
+
+    def _stands(self, known: Estimate | None) -> bool:
+        """Return whether a fresh estimate shows the vehicle on the ground and not sinking."""
+        if known is None or known.age > FRESH_S or known.velocity[2] < _SINK_SPEED:
+            return False
+        return height_in_the_air(self._context, known, ()) <= 0.0
 
     def _landed(self, descent: Descent, tick: Tick, leant: float) -> bool:
         """Process the newest IMU sample; return whether the vehicle has touched down. If no sample

@@ -65,6 +65,7 @@ class Decision:
             command = self._unarmed(str(refusal), tick)
         if command.armed is not self._resting.rotors_turn and command is not HANDED_OVER:
             self._resting.turn(command.armed)
+            self._knowledge.late = 0.0
         if runner.grip is not None:
             self._grip(tick.now)
         return command, wanted
@@ -120,6 +121,7 @@ class Decision:
         if tick.now >= failsafe.due:
             raised = failsafe.check(tick, runner.off_ground)
             if raised is not None:
+                self._knowledge.late = raised.alarm.late or self._knowledge.late
                 self._reactions.react(raised, tick)
         if failsafe.latched is Reaction.LAND_BLIND:
             self._reactions.regain_sight(tick)
@@ -128,7 +130,7 @@ class Decision:
         if self._requests.waiting:
             self.answer(tick.now)
         if runner.hold is not None:
-            self._reactions.update_hold(tick.now)
+            self._reactions.update_hold(tick)
         elif runner.entries == self._settled:
             runner.step(tick)
         return tick if runner.entries == self._settled else self._settle(tick)

@@ -10,7 +10,9 @@ In every tick, `Decision` calls `Failsafe.check` and passes the severest alarm t
   the ground. A `brake` on the way home becomes `land`.
 - A brake ends when every alarm that braked the vehicle has been silent for 1 s. An alarm that
   returns within 5 s of that holds the vehicle for good, until `hover_limit` or what is left of the
-  state's `within` is over; then it lands.
+  state's `within` is over; then it lands. But if the cause passes while a vehicle stands still, as
+  when wind has pushed it from its setpoint, the second brake ends after 5 s of silence if the
+  vehicle is where it is held; only a third one is for good.
 - A vehicle that lands blind changes to a landing by its estimate (`land`) once there has been an
   estimate, and no alarm with the reaction `land_blind`, for 0.5 s: the IMU, by which it lands
   blind, may be wrong too. It continues to land blind if a landing by the estimate has failed or a
@@ -25,6 +27,7 @@ from typing import Any, NamedTuple
 
 from kybflow.core.errors import PartFailed, described
 from kybflow.core.events import AlarmRaised
+from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Alarm, Reaction, Tick, Time
 from kybflow.dsl.names import AUTO_HOME, AUTO_LAND, BRAKE, FAULT, HOVER, LAND_BLIND
 from kybflow.dsl.plan import VehiclePlan
@@ -72,7 +75,11 @@ vehicle counts as on the ground."""
 RELEASED_AFTER_S = 1.0
 """Seconds for which every braking alarm must be silent before a brake ends."""
 RETURN_WINDOW_S = 5.0
-"""Seconds after a release within which a returning alarm holds the vehicle for good."""
+"""Seconds after a release within which an alarm counts as returning."""
+STANDING_TIME_S = 5.0
+"""Seconds for which the alarms must be silent before the second brake ends."""
+_STILL_DISTANCE = 0.1
+"""How far a vehicle that stands is from where it is held, m; its speed shakes in wind."""
 SIGHT_TIME_NS: Time = NS // 2
 """How long there must be an estimate and no alarm before a vehicle stops landing blind."""
 _UNHURRIED_PERIOD_NS = NS // 50
@@ -96,10 +103,12 @@ class RaisedAlarm(NamedTuple):
 
 
 class _Brake(NamedTuple):
-    """A braking alarm. last: when it was last raised. reason: its reason at that time."""
+    """A braking alarm. last: when it was last raised. reason: its reason at that time. passes:
+    whether its cause passes."""
 
     last: Time
     reason: str
+    passes: bool
 
 
 class Failsafe:
@@ -130,7 +139,7 @@ class Failsafe:
         self._waived: dict[str, Time] = {}
         self._may_see = False
         self._blind: Time = 0
-        self._for_good = False
+        self._returns = 0
 
     def check(self, tick: Tick, off_ground: bool) -> RaisedAlarm | None:
         """Call every supervisor that is due; return the alarm with the severest reaction, or
@@ -190,7 +199,7 @@ class Failsafe:
         last = self._last.get(alarm.event)
         self._last[alarm.event] = now
         if alarm.reaction is Reaction.BRAKE and alarm.event in self._braking:
-            self._braking[alarm.event] = _Brake(now, alarm.reason)
+            self._braking[alarm.event] = _Brake(now, alarm.reason, alarm.passes)
         waived = self._waived.pop(alarm.event, None)
         if waived is not None and now - waived < RELEASED_AFTER_S * NS:
             self._waived[alarm.event] = now
@@ -255,9 +264,12 @@ class Failsafe:
         """Record a braking alarm; return whether the vehicle was already braked."""
         event = alarm.event
         braked, released = bool(self._braking), self._released.get(event)
-        if released is not None and now - released <= RETURN_WINDOW_S * NS:
-            self._for_good = True
-        self._braking[event] = _Brake(now, alarm.reason)
+        returns = released is not None and now - released <= RETURN_WINDOW_S * NS
+        if returns and event not in self._braking:
+            self._returns += 1
+        elif not braked:
+            self._returns = 0
+        self._braking[event] = _Brake(now, alarm.reason, alarm.passes)
         return braked
 
     @property
@@ -271,25 +283,30 @@ class Failsafe:
         return " and ".join(brake.reason for brake in self._braking.values())
 
     @property
-    def holds_for_good(self) -> bool:
-        """Whether the brake doesn't end by itself, because its alarm has returned."""
-        return self._for_good
+    def has_returned(self) -> bool:
+        """Whether a braking alarm has returned soon after its release."""
+        return self._returns > 0
 
-    def release(self, now: Time) -> bool:
+    def release(self, tick: Tick) -> bool:
         """End the brake if its alarms have been silent for long enough; return whether it ended."""
-        if not self._braking or self._for_good:
+        now = tick.now
+        brakes = self._braking.values()
+        if not brakes or self._returns > 1:
             return False
-        if any(now - brake.last < RELEASED_AFTER_S * NS for brake in self._braking.values()):
+        silence = STANDING_TIME_S if self._returns else RELEASED_AFTER_S
+        if any(now - brake.last < silence * NS for brake in brakes):
+            return False
+        if self._returns and not (all(brake.passes for brake in brakes) and _stands(tick)):
             return False
         self._released.update(dict.fromkeys(self._braking, now))
         self._events.emit(FailsafeEnded(reaction="brake", alarm=self.braking), self._vehicle)
-        self.clear_brake()
+        self._braking.clear()
         return True
 
     def clear_brake(self) -> None:
         """End the brake without an event, because the vehicle does something else now."""
         self._braking.clear()
-        self._for_good = False
+        self._returns = 0
 
     def give_way(self, safer: Reaction | None) -> None:
         """End the brake, because a request brings the vehicle down. The current braking alarms
@@ -416,22 +433,30 @@ class Reactions:
         raised = self._failsafe.failure(failure, reaction, runner.state.at)
         self.react(raised, tick, grounded=is_needed and latched is Reaction.LAND_BLIND)
 
-    def update_hold(self, now: Time) -> None:
+    def update_hold(self, tick: Tick) -> None:
         """Release a brake once its alarms have been silent for long enough; land if the hold has
-        lasted longer than the mission's hover limit, or, if the brake holds for good, longer than
-        what is left of the state's `within`."""
-        hold, failsafe = self._runner.hold, self._failsafe
+        lasted longer than the mission's hover limit, or, if a braking alarm has returned, longer
+        than what is left of the state's `within`."""
+        hold, failsafe, now = self._runner.hold, self._failsafe, tick.now
         assert hold is not None
-        if "brake" in hold.holders and failsafe.release(now):
+        if "brake" in hold.holders and failsafe.release(tick):
             hold.leave("brake", now)
         limit = self._plan.hover_limit
-        if failsafe.holds_for_good:
+        if failsafe.has_returned:
             limit = min(limit, self._runner.remaining(now))
         if hold.lasts and self._runner.off_ground and now - hold.since >= limit * NS:
             why = failsafe.brakes_because
             self._score.failure(f"held for {limit:.3g} s{': ' if why else ''}{why}")
             failsafe.clear_brake()
             self._runner.enter_built_in(AUTO_LAND)
+
+
+def _stands(tick: Tick) -> bool:
+    """Return whether a vehicle that is held stands where it should."""
+    held = None if tick.setpoint is None else tick.setpoint.position
+    if held is None or tick.estimate is None:
+        return False
+    return distance(held, tick.estimate.position) <= _STILL_DISTANCE
 
 
 def _keeps_landing(alarm: Alarm, runner: BehaviorRunner, tick: Tick) -> bool:

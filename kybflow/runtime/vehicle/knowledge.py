@@ -44,7 +44,7 @@ from kybflow.runtime.monitoring.sensing import OpenSensor, Sensing
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.vehicle.control import Control
 from kybflow.runtime.vehicle.estimation import Estimation
-from kybflow.runtime.vehicle.link import LinkIn
+from kybflow.runtime.vehicle.link import LinkIn, LinkOut
 from kybflow.world.vehicle_context import VehicleContext
 
 
@@ -169,6 +169,8 @@ class Knowledge:
 
     resting: the accelerometer's bias at rest.
     frame: compares the poses with the IMU.
+    late: by how much later than usual commands take effect since the rotors began to turn, as a
+    supervisor found, s.
     needs: the kinds of measurement that the estimators use.
     now: the time of the last update.
     report: is called with the failure of a part.
@@ -194,6 +196,7 @@ class Knowledge:
         self.sticks: Sticks | None = None
         self.resting = RestingBias()
         self.frame = FrameCheck()
+        self.late = 0.0
         self.payload = PayloadTracker(plan.name, events)
         self.link_in = link
         self.estimation = Estimation(plan, context, events, score, report, self._known)
@@ -311,13 +314,14 @@ class TickBuilder:
         context: VehicleContext,
         knowledge: Knowledge,
         control: Control,
+        link_out: LinkOut,
         inputs: InputReadings,
         broadcasts: Broadcasts | None,
         moving: SeenObstacles,
     ) -> None:
         self.fleet: dict[str, Estimate | None] = {}
         self._context, self._knowledge, self._control = context, knowledge, control
-        self._inputs, self._moving = inputs, moving
+        self._link_out, self._inputs, self._moving = link_out, inputs, moving
         self._neighbours = broadcasts or NOBODY
 
     def tick(self, now: Time, dt: float, entered: Time, fleet: dict[str, Estimate | None]) -> Tick:
@@ -331,7 +335,7 @@ class TickBuilder:
                 now, dt, (now - entered) / NS, knowledge.estimate, knowledge.battery,
                 self._control.followed, fleet, knowledge.imu, link.age, link.delay,
                 knowledge.payload.state, self._inputs, self._neighbours, self._moving,
-                knowledge.frame.wrong,
+                knowledge.frame.wrong, self._link_out.sent,
             ),
         )  # fmt: skip
 
@@ -347,9 +351,9 @@ class TickBuilder:
         knowledge, control, context = self._knowledge, self._control, self._context
         thrust = context.airframe.hover_thrust if flight is GROUND else control.hover_thrust()
         lift = knowledge.resting.specific_force
-        frame = knowledge.frame
+        frame, late = knowledge.frame, knowledge.late
         return Entry(
-            knowledge.now, context, knowledge.estimate, control.followed, thrust, flight, lift,
-            self._inputs, knowledge.estimation.lost,
-            None if frame.wrong is None else frame.velocity,
+            knowledge.now, context, knowledge.estimate, None if late else control.followed, thrust,
+            flight, lift, self._inputs, knowledge.estimation.lost,
+            None if frame.wrong is None else frame.velocity, knowledge.imu, late,
         )  # fmt: skip

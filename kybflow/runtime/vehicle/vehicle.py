@@ -96,7 +96,7 @@ class Vehicle:
             plan, context, link_in, events, observer, score, failsafe.report, sensors, bodies, fleet
         )
         control = Control(plan, context, params, set_option, events)
-        ticks = TickBuilder(context, knowledge, control, inputs, broadcasts, moving)
+        ticks = TickBuilder(context, knowledge, control, link_out, inputs, broadcasts, moving)
         runner = BehaviorRunner(
             plan, params, ticks, failsafe.foresee, failsafe.is_latched, link_out, events, score
         )

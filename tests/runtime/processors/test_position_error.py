@@ -3,7 +3,7 @@
 from part_bench import DT, SITE, at_rest, estimate, tick
 
 from kybflow.core.geometry import ZERO
-from kybflow.core.signals import Alarm, Reaction, Setpoint, SetpointKind
+from kybflow.core.signals import Alarm, Estimate, Reaction, Setpoint, SetpointKind
 from kybflow.runtime.processors.position_error import PositionError, PositionErrorParams
 
 PROCESSOR = PositionError(PositionErrorParams(), SITE)
@@ -17,6 +17,7 @@ def test_past_the_limit_it_asks_to_brake() -> None:
         "0.75 m from its setpoint, 0.5 m allowed",
         0.75,
         0.5,
+        passes=True,
     )
     assert expected == PROCESSOR(at_rest((0.75, 0.0, 1.0)), tick(known=KNOWN))
 
@@ -24,6 +25,22 @@ def test_past_the_limit_it_asks_to_brake() -> None:
 def test_within_the_limit_the_setpoint_passes() -> None:
     near = at_rest((0.5, 0.0, 1.0))
     assert PROCESSOR(near, tick(known=KNOWN)) is near
+
+
+def test_a_vehicle_that_has_just_lifted_off_may_be_further_away_until_it_has_met_the_wind() -> None:
+    processor = PositionError(PositionErrorParams(), SITE)
+
+    def alarms(height: float, away: float) -> bool:
+        return isinstance(processor(at_rest((away, 0.0, height)), tick(known=at(height))), Alarm)
+
+    def at(height: float) -> Estimate:
+        return estimate((0.0, 0.0, height))
+
+    assert [alarms(0.0, 0.4), alarms(0.0, 0.6)] == [False, True]
+    assert [alarms(0.1, 0.6), alarms(0.1, 0.9)] == [False, True]
+    assert not any(alarms(0.1, 0.6) for _ in range(round(2.9 / DT)))
+    assert any(alarms(1.0, 0.6) for _ in range(round(0.2 / DT)))
+    assert alarms(0.0, 0.6)
 
 
 def behind(speed: float, seconds: float, known: float = 0.0) -> Setpoint | Alarm:
