@@ -450,6 +450,14 @@ class WrongFrame(NamedTuple):
     bound: float
 
 
+class InertialMotion(NamedTuple):
+    """The motion of a vehicle by its IMU alone, in axes forward, left and up. velocity: m/s.
+    acceleration: m/s^2."""
+
+    velocity: Vec3
+    acceleration: Vec3
+
+
 class Tick(NamedTuple):
     """The input of a vehicle's parts in one tick.
 
@@ -461,7 +469,9 @@ class Tick(NamedTuple):
     round-trip time to the vehicle in seconds, zero while unknown. payload: where the payload is,
     None while unknown. inputs: the readings of the mission's inputs. neighbours: what the vehicles
     have published in earlier ticks. moving: the moving obstacles. wrong_frame: why the frame of the
-    poses is wrong, None while no error is known. command: the one that was sent in the last tick.
+    poses is wrong, None while no error is known. imu_motion: the motion by the IMU alone if that
+    frame is wrong; None otherwise. rejection: why the vehicle doesn't use the positions that it is
+    sent, None if it does. command: the one that was sent in the last tick.
     """
 
     now: Time
@@ -479,6 +489,8 @@ class Tick(NamedTuple):
     neighbours: Neighbours = NOBODY
     moving: SeenObstacles = NO_OBSTACLES
     wrong_frame: WrongFrame | None = None
+    imu_motion: InertialMotion | None = None
+    rejection: str | None = None
     command: Command | None = None
 
     def known(self) -> Estimate:

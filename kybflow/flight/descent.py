@@ -64,6 +64,7 @@ from collections import deque
 from math import hypot, sqrt, tan
 
 from kybflow.core.geometry import GRAVITY, Vec3
+from kybflow.core.signals import InertialMotion
 from kybflow.world.vehicle_context import Airframe
 
 SPEED, GROWTH, BEND, CAUTION = 0.3, 0.06, 0.025, 2.0
@@ -135,6 +136,11 @@ class Descent:
         self._share = self._given = self._weakness = 1.0
         self._pushed, self._sure = max(climb, 0.0), 1.0 - unsure
         self._mean, self._held, self._probe = GRAVITY, 0.0, -PROBE_TIME_S - PROBE_PAUSE_S
+
+    @property
+    def was_struck(self) -> bool:
+        """Whether there has been an impact."""
+        return self._probe >= 0.0
 
     @property
     def hover(self) -> float:
@@ -242,7 +248,7 @@ class BlindBrake:
         a' = (c - a) / lag,   u' = a - d u,   c = -k u,  k = 3 1/s
 
     c is limited to what the airframe's largest tilt gives. The vehicle is commanded level once u is
-    below 3 cm/s.
+    below 3 cm/s. Where u and a are measured, they replace the model's (`measure`).
 
     velocity, acceleration: those of the vehicle at the start along x and y, world, m/s and m/s^2; a
     velocity above the airframe's largest speed is reduced to it. late: by how much later than usual
@@ -258,12 +264,19 @@ class BlindBrake:
         airframe: Airframe,
         late: float = 0.0,
     ) -> None:
-        x, y = velocity
-        most = min(1.0, airframe.speed / max(hypot(x, y), STOPPED_SPEED))
-        self._velocity = x, y = (most * x, most * y)
-        self._lean = (acceleration[0] + airframe.drag * x, acceleration[1] + airframe.drag * y)
         loop = airframe.attitude_loop
         self._airframe, self._lag = airframe, late + loop.derivative / loop.proportional
+        self._velocity = x, y = self._believed(*velocity)
+        self._lean = (acceleration[0] + airframe.drag * x, acceleration[1] + airframe.drag * y)
+        self._is_over = False
+
+    def measure(self, motion: InertialMotion) -> None:
+        """Replace velocity and acceleration by measured ones, in the axes of those at the start.
+        The brake doesn't end while this is called before each step."""
+        x, y, _ = motion.velocity
+        ax, ay, _ = motion.acceleration
+        drag = self._airframe.drag
+        self._velocity, self._lean = self._believed(x, y), (ax + drag * x, ay + drag * y)
         self._is_over = False
 
     @property
@@ -285,6 +298,10 @@ class BlindBrake:
         self._lean = ax, ay = (ax + share * (cx - ax), ay + share * (cy - ay))
         self._velocity = (x + ax * dt - drag * x, y + ay * dt - drag * y)
         return None if self._is_over else (cx, cy, GRAVITY)
+
+    def _believed(self, x: float, y: float) -> tuple[float, float]:
+        most = min(1.0, self._airframe.speed / max(hypot(x, y), STOPPED_SPEED))
+        return most * x, most * y
 
 
 def _bound(bound: tuple[float, float, float], time: float) -> float:

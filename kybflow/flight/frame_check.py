@@ -32,7 +32,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Sequence
 from itertools import permutations, product
-from math import acos, fsum, hypot, sqrt
+from math import acos, fsum, hypot, radians, sqrt
 from typing import NamedTuple
 
 from kybflow.core.geometry import (
@@ -55,7 +55,15 @@ from kybflow.core.geometry import (
     scale,
     sub,
 )
-from kybflow.core.signals import NS, Imu, Measurement, Pose, Time, WrongFrame
+from kybflow.core.signals import (
+    NS,
+    Imu,
+    InertialMotion,
+    Measurement,
+    Pose,
+    Time,
+    WrongFrame,
+)
 
 COMPARISON_PERIOD_NS: Time = NS // 21
 """Least time between two comparisons, ns: 50 ms with 100 or 120 poses a second."""
@@ -68,10 +76,16 @@ MIN_DIFFERENCE = 0.6
 _AGREEING_SQUARE = (0.5 * MIN_DIFFERENCE) ** 2
 MAX_SHARE = 0.65
 NEEDED_COMPARISONS = 3
+CONFIRMING_COMPARISONS = 120
+"""Comparisons, 6 s with the rotors turning, that confirm a frame: a position loop that is closed
+over a wrong one diverges sooner."""
 NOISE_SIGMAS = 4.0
 CORRECTION_TIME_S, CORRECTION_COMPARISONS = 4.0, 5
 """Time constant with which the attitude follows the poses, s, and how many comparisons pass between
 two corrections."""
+MAX_CORRECTION = radians(2.0)
+"""The largest difference of the attitudes, rad, by which the attitude is corrected until the frame
+is confirmed. That of a wrong frame is larger, and that of an integral of w is smaller at first."""
 NOISE_SHARE = 0.05
 """Share of a new sample in the running noise."""
 MIN_JUMP = 0.015
@@ -108,12 +122,13 @@ class FrameCheck:
     """The check of one vehicle.
 
     due: the time of the next pose to process.
-    wrong: the finding, None without one.
+    wrong: the finding, None without one. From then on the IMU is integrated without the poses.
     slant: the angle between the vertical by the poses and by the accelerometer at rest, rad; None
     while unknown. shake: how far the poses at rest are from steady, m.
     """
 
     __slots__ = (
+        "_acceleration",
         "_across",
         "_agrees",
         "_attitude",
@@ -163,6 +178,7 @@ class FrameCheck:
         self._seen: tuple[Vec3, ...] = ()
         self._attitude: Quat = LEVEL
         self._velocity = self._moved = self._offset = self._slope = self._leap = ZERO
+        self._acceleration: Vec3 = ZERO
         self._moments: deque[_Moment] = deque(maxlen=2 * SPAN_COMPARISONS + 1)
         self._pairs: deque[tuple[Vec3, Vec3]] = deque(maxlen=2 * SPAN_COMPARISONS)
         self._upward = self._across = self._steps = 0
@@ -173,14 +189,22 @@ class FrameCheck:
         return self._rested > 0.0 and not self._seldom
 
     @property
-    def velocity(self) -> Vec3:
-        """The velocity by the IMU, from rest or from the last time when the poses agreed with it,
-        in the vehicle's heading: forward, left and up, m/s."""
-        x, y, z = add(self._velocity, self._offset)
+    def is_confirmed(self) -> bool:
+        """Whether the frame was compared for so long that it was right at the take-off."""
+        return self._steps >= CONFIRMING_COMPARISONS
+
+    def motion(self, now: Time) -> InertialMotion:
+        """Return the motion by the IMU at `now`, from rest or from the last time when the poses
+        agreed with it. Since the last samples the vehicle is taken to accelerate steadily."""
+        velocity = add(self._velocity, self._offset)
+        ahead = add(velocity, scale(self._acceleration, (now - self._since) / NS))
         fx, fy, _ = rotate(self._attitude, (1.0, 0.0, 0.0))
         n = hypot(fx, fy) or 1.0
         fx, fy = fx / n, fy / n
-        return (fx * x + fy * y, fx * y - fy * x, z)
+        forward, acceleration = (
+            (fx * x + fy * y, fx * y - fy * x, z) for x, y, z in (ahead, self._acceleration)
+        )
+        return InertialMotion(forward, acceleration)
 
     def add_imu(self, imu: Imu) -> None:
         """Add an IMU sample."""
@@ -194,28 +218,13 @@ class FrameCheck:
                 break
         else:
             return
-        pose, samples, time = measurement, self._waiting, measurement.time
+        pose, time = measurement, measurement.time
         elapsed = time - self._since
-        if not samples and elapsed < MAX_GAP_NS:
+        if not self._waiting and elapsed < MAX_GAP_NS:
             return
         self._since = time
         self.due = time + COMPARISON_PERIOD_NS
-        seconds, late = 0.0, 0.0
-        angle = gained = ZERO
-        if samples:
-            times, periods, forces, rates = zip(*samples, strict=True)
-            seconds, late = fsum(periods), (times[-1] - time) / NS
-            share = seconds / len(samples)
-            fx, fy, fz = map(fsum, zip(*forces, strict=True))
-            wx, wy, wz = map(fsum, zip(*rates, strict=True))
-            gained = (share * fx, share * fy, share * fz)
-            angle = (share * wx, share * wy, share * wz)
-            change = forces[-1][2] - forces[0][2]
-            self._jolted = change * change > BLOW_FORCE * BLOW_FORCE
-            self._shaking += NOISE_SHARE * (0.5 * share * change * change - self._shaking)
-            self._coarse = share > MAX_FINE_SAMPLE_S
-            self._seldom = share > MAX_SAMPLE_S
-            samples.clear()
+        seconds, late, angle, gained = self._gathered(time)
         if not rotors_turn and self._is_still(time, gained, seconds):
             self._rest(pose, angle, gained, seconds)
             self.due = time + 1
@@ -223,7 +232,9 @@ class FrameCheck:
         if self._rests:
             self._rests = False
             self._begin()
-        if not 0.5 * elapsed < seconds * NS < 2.0 * elapsed or self._jolted:
+        if self.wrong is not None:
+            self._move(angle, gained, seconds)
+        elif not 0.5 * elapsed < seconds * NS < 2.0 * elapsed or self._jolted:
             self._begin()
             self._attitude = multiply(pose.attitude, self._levelled)
         elif self.is_judged:
@@ -232,6 +243,27 @@ class FrameCheck:
             self._steps += 1
             if self._steps % CORRECTION_COMPARISONS == 0:
                 self._follow(pose, CORRECTION_COMPARISONS * seconds / CORRECTION_TIME_S)
+
+    def _gathered(self, time: Time) -> tuple[float, float, Vec3, Vec3]:
+        """Return how long the waiting samples last, s, by how much the last one is newer than
+        `time`, s, the angle, rad, and the change of velocity, m/s, both in body axes; forget the
+        samples."""
+        samples = self._waiting
+        if not samples:
+            return 0.0, 0.0, ZERO, ZERO
+        times, periods, forces, rates = zip(*samples, strict=True)
+        seconds = fsum(periods)
+        share = seconds / len(samples)
+        fx, fy, fz = map(fsum, zip(*forces, strict=True))
+        wx, wy, wz = map(fsum, zip(*rates, strict=True))
+        change = forces[-1][2] - forces[0][2]
+        self._jolted = change * change > BLOW_FORCE * BLOW_FORCE
+        self._shaking += NOISE_SHARE * (0.5 * share * change * change - self._shaking)
+        self._coarse = share > MAX_FINE_SAMPLE_S
+        self._seldom = share > MAX_SAMPLE_S
+        samples.clear()
+        angle, gained = (share * wx, share * wy, share * wz), (share * fx, share * fy, share * fz)
+        return seconds, (times[-1] - time) / NS, angle, gained
 
     def _is_still(self, time: Time, gained: Vec3, seconds: float) -> bool:
         """Return whether a vehicle whose rotors should rest has been still for long enough: an
@@ -262,7 +294,7 @@ class FrameCheck:
                 x, y, z = cross(felt, up)
                 n = sqrt(x * x + y * y + z * z + (1.0 + cosine) ** 2)
                 self._levelled = LEVEL if n < 1e-6 else ((1.0 + cosine) / n, x / n, y / n, z / n)
-        self._velocity = self._moved = self._offset = ZERO
+        self._velocity = self._moved = self._offset = self._acceleration = ZERO
         self.wrong, self._rests = None, True
         seen = self._seen
         self._seen = (*seen[-1:], pose.position)
@@ -279,6 +311,8 @@ class FrameCheck:
 
     def _move(self, angle: Vec3, gained: Vec3, seconds: float) -> None:
         """Integrate the IMU."""
+        if seconds <= 0.0:
+            return
         gx, gy, gz = gained
         ax, ay, az = angle
         bx, by, bz = self._turned
@@ -300,6 +334,7 @@ class FrameCheck:
             pz + seconds * (vz + 0.5 * dz),
         )
         self._velocity = (vx + dx, vy + dy, vz + dz)
+        self._acceleration = (dx / seconds, dy / seconds, dz / seconds)
         self._attitude = integrate(self._attitude, turned, 1.0)
 
     def _follow(self, pose: Pose, share: float) -> None:
@@ -307,7 +342,10 @@ class FrameCheck:
         the IMU."""
         attitude = self._attitude
         w, x, y, z = multiply(conjugate(attitude), multiply(pose.attitude, self._levelled))
-        self._attitude = integrate(attitude, (x, y, z), share * (2.0 if w > 0.0 else -2.0))
+        turn, angle = 2.0 * share, 2.0 * sqrt(x * x + y * y + z * z)
+        if angle > MAX_CORRECTION and not self.is_confirmed:
+            turn *= MAX_CORRECTION / angle
+        self._attitude = integrate(attitude, (x, y, z), turn if w > 0.0 else -turn)
         if self._agrees:
             self._offset = _mixed(self._offset, self._slope, share)
 

@@ -18,6 +18,7 @@ from kybflow.core.signals import (
     Failed,
     Grip,
     Imu,
+    InertialMotion,
     InputReadings,
     Measurement,
     MeasurementKind,
@@ -67,9 +68,9 @@ class Entry(NamedTuple):
     tracker's estimate of the hover thrust, newtons. resting_force: the specific force along body z
     that the IMU measured at rest on the ground, m/s^2; gravity if unknown. inputs: the current
     readings of the mission's inputs. lost: where there is no estimate, the last one before it was
-    lost. imu_velocity: the velocity by the IMU alone, forward, left and up, m/s, if the frame of
-    the estimate is wrong; None otherwise. imu: the newest IMU measurement, None without one. late:
-    by how much later than usual commands take effect, s.
+    lost. imu_motion: the motion by the IMU alone if the frame of the estimate is wrong; None
+    otherwise. imu: the newest IMU measurement, None without one. late: by how much later than usual
+    commands take effect, s.
     """
 
     now: Time
@@ -81,7 +82,7 @@ class Entry(NamedTuple):
     resting_force: float = GRAVITY
     inputs: InputReadings = NO_INPUTS
     lost: Estimate | None = None
-    imu_velocity: Vec3 | None = None
+    imu_motion: InertialMotion | None = None
     imu: Imu | None = None
     late: float = 0.0
 

@@ -65,6 +65,8 @@ class Link(ABC):
     None if it reports nothing. is_heard: whether the last `read` received data from the vehicle
     itself, not only from a simulator beside it. delay: round-trip time to the vehicle in seconds:
     the shorter of the newest two, so that a single slow one doesn't count; zero while unknown.
+    rejection: why the vehicle doesn't use the positions that it is sent (`TakesPosition`); None if
+    it does, or takes none.
     """
 
     faults: ActiveFaults | None = None
@@ -72,6 +74,7 @@ class Link(ABC):
     armed: bool | None = None
     is_heard: bool = True
     delay: float = 0.0
+    rejection: str | None = None
 
     @abstractmethod
     def read(self, now: Time) -> Sequence[Measurement]:

@@ -143,16 +143,17 @@ class Engine:
         self.flying, self._begun = True, self.clock.now
         limit = self.plan.time_limit
         height = 0.0 if self.plan.fence is None else self.plan.fence.high[2]
-        landed_by = limit + max(LANDING_TIMEOUT, height / SLOWEST_DESCENT)
+        over = self._begun + round(limit * NS)
+        landed_by = over + round(max(LANDING_TIMEOUT, height / SLOWEST_DESCENT) * NS)
         while not self._over():
-            seconds = self.mission_seconds()
+            now = self.clock.now
             if self.interrupts > 1:
                 return f"twice, then by {self.interrupted_by}: commands were stopped"
             if self.interrupts:
                 self._land(f"by {self.interrupted_by}", TWICE)
-            elif seconds >= limit:
+            elif now >= over:
                 self._land(f"not finished within the time limit of {limit:g} s")
-            if seconds >= landed_by:
+            if now >= landed_by:
                 break
             self.tick()
         return (

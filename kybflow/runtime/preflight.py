@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance, heading_of, wrap
 from kybflow.core.params import named_in
-from kybflow.core.signals import Estimate, Imu, Pose, kind_name
+from kybflow.core.signals import Estimate, Imu, Pose, Position, kind_name
 from kybflow.core.units import DEG
 from kybflow.dsl.plan import InputPlan, Plan
 from kybflow.parts.events import PreflightWaits
@@ -78,6 +78,9 @@ def preflight(vehicle: Vehicle, others: Sequence[Vehicle]) -> Iterator[Preflight
     estimate, parts = vehicle.estimate, [e.part for e in vehicle.plan.estimators]
     if Pose in vehicle.knowledge.needs:
         yield _frame(vehicle, parts[0].at)
+    elif Position in vehicle.knowledge.needs:
+        reason = "not judged: positions without an attitude are not compared with the IMU"
+        yield PreflightResult(name, "frame", True, reason, parts[0].at)
     if estimate is None:
         reason = f"no healthy estimate from {', '.join(part.name for part in parts)}"
         if vehicle.knowledge.cameras.is_blind:

@@ -11,6 +11,7 @@ import pytest
 from part_bench import AIRFRAME
 
 from kybflow.core.geometry import GRAVITY
+from kybflow.core.signals import InertialMotion
 from kybflow.flight.descent import BlindBrake, Descent
 
 MASS, MOST, ROTOR_TIME = 0.230, 5.2, 0.03
@@ -223,6 +224,16 @@ def test_a_brake_stops_where_its_tilt_allows_and_levels_then(direction, speed):
     assert brake.lean == pytest.approx(1.0, abs=1e-3)
     assert hypot(vx, vy) < 0.1
     assert gone < 0.25 * speed + speed**2 / (2.0 * 2.0) + 0.1
+
+
+def test_a_brake_holds_a_measured_velocity_at_rest():
+    """A vehicle that is a few degrees off level, which the model of the brake doesn't know."""
+    brake, dt, v, off = BlindBrake((0.0, 0.0), (0.0, 0.0), AIRFRAME), 0.01, 0.0, 0.4
+    for _ in range(300):
+        brake.measure(InertialMotion((0.0, v, 0.0), (0.0, off, 0.0)))
+        _, pull, _ = brake.step(dt) or (0.0, 0.0, GRAVITY)
+        v += (pull + off) * dt
+    assert v == pytest.approx(off / 3.0, abs=0.02)
 
 
 def test_a_velocity_that_the_airframe_does_not_have_is_not_believed():

@@ -237,7 +237,7 @@ def test_the_velocity_is_what_the_imu_integrates_to_in_the_heading_of_the_vehicl
         check.add_imu(Imu(time, 0.01, force, scale((x, y, z), 200.0)))
         check.add_poses([Pose(time, scale(motion.position(t), 1e-3), q)], t > 0.0)
     assert check.wrong is not None
-    ahead, left, up = check.velocity
+    ahead, left, up = check.motion(149 * NS // 100).velocity
     turned = 0.3 * sin(0.99)
     x, _, z = motion.velocity(0.99)
     assert ahead == pytest.approx(x * sin(-turned), abs=0.1)
@@ -245,7 +245,50 @@ def test_the_velocity_is_what_the_imu_integrates_to_in_the_heading_of_the_vehicl
     assert up == pytest.approx(z, abs=0.1)
 
 
+def test_wrong_poses_hardly_change_the_velocity_by_the_imu():
+    """Neither before the frame is found to be wrong nor after."""
+    motion, check = Motion(((0.0, 1.0), (0.8, 2.0), (0.3, 2.0))), FrameCheck()
+    mirrored = frame(sign=(1.0, -1.0, 1.0))
+    for k in range(1, 250):
+        time, t = k * NS // 100, (k - 50) / 100
+        q = motion.attitude(t - 0.005)
+        force = rotate_back(q, add(motion.acceleration(t - 0.005), (0.0, 0.0, GRAVITY)))
+        _, x, y, z = multiply(conjugate(motion.attitude(t - 0.01)), motion.attitude(t))
+        check.add_imu(Imu(time, 0.01, force, scale((x, y, z), 200.0)))
+        check.add_poses([Pose(time, *mirrored(motion.position(t), q))], t > 0.0)
+        if check.wrong is not None:
+            (x, y, z), turned = motion.velocity(t), 0.3 * sin(t)
+            ahead, left = x * cos(turned) + y * sin(turned), y * cos(turned) - x * sin(turned)
+            assert check.motion(time).velocity == pytest.approx((ahead, left, z), abs=0.1)
+    assert check.wrong is not None
+
+
+def test_a_frame_is_confirmed_after_seconds_of_flight():
+    check = FrameCheck()
+    for k in range(1, 800):
+        time = k * NS // 100
+        check.add_imu(Imu(time, 0.01, (0.0, 0.0, GRAVITY), ZERO))
+        check.add_poses([Pose(time, ZERO, LEVEL)], rotors_turn=k > 50)
+        if k in (50, 500):
+            assert not check.is_confirmed
+    assert check.is_confirmed
+
+
 def test_what_nothing_explains_names_all_that_may_be_wrong():
     reason = explained([((3.0, 1.0, -2.0), (1.0, 2.0, 0.5)), ((-3.0, 1.0, 2.0), (1.0, 2.0, 0.5))])
     assert "disagree" in reason
     assert all(word in reason for word in ("units", "axes", "heading"))
+
+
+def test_a_gyroscope_that_drifts_in_a_long_flight_is_corrected_without_bound():
+    """By 1.2 deg/s, as one that is sampled too seldom; the attitude is then 5 degrees off."""
+    motion, check = Motion(((0.5, 1.0), (0.3, 0.7), (0.2, 1.5))), FrameCheck()
+    for k in range(1, 2000):
+        time, t = k * NS // 100, (k - 50) / 100
+        q = motion.attitude(t - 0.005)
+        force = rotate_back(q, add(motion.acceleration(t - 0.005), (0.0, 0.0, GRAVITY)))
+        _, x, y, z = multiply(conjugate(motion.attitude(t - 0.01)), motion.attitude(t))
+        drift = radians(1.2) if t > 8.0 else 0.0
+        check.add_imu(Imu(time, 0.01, force, (200.0 * x + drift, 200.0 * y, 200.0 * z)))
+        check.add_poses([Pose(time, motion.position(t), motion.attitude(t))], t > 0.0)
+    assert check.wrong is None

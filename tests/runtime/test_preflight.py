@@ -113,6 +113,21 @@ def test_without_an_imu_or_with_a_slow_one_it_says_what_it_cannot_judge(period):
     assert ("not checked" in line.reason) is (period is None)
 
 
+def test_where_only_positions_are_flown_by_it_says_that_their_frame_is_not_judged():
+    fusion = part("estimators", "fusion", source="position")
+    line = checks(flight(estimators=(EstimatorPlan(fusion, recover_after=1.0),)))["a", "frame"]
+    assert line.green
+    assert line.reason.startswith("not judged: positions without an attitude")
+
+
+def test_a_flight_without_an_imu_raises_no_alarm_about_the_frame(run):
+    """The preflight has said that nothing is judged."""
+    driver = wrapped(lambda _, link: Heard(link, without(Imu)))
+    _, told = run(flight(driver=driver))
+    assert named(told, "mocap_frame_wrong") == []
+    assert len(named(told, "landed")) == 1
+
+
 def test_nothing_arms():
     sent = []
 

@@ -42,6 +42,7 @@ class Fake:
         self.wire, self.framing = wire, Framing(system, 1)
         self.mode = self.profile.modes["hold"]
         self.armed, self.ready, self.landed, self.flags = False, True, GROUND, 831
+        self.innovation = 0.05
         self.position: Vec3 = ZERO
         self.servos = [1900] * 16
         self.params: dict[str, float] = {s.name: 0.0 for s in self.profile.indoors}
@@ -91,10 +92,11 @@ class Fake:
             )
             self.send(mavlink.MAVLink_servo_output_raw_message(0, 0, *self.servos))
             if "ESTIMATOR_STATUS" in self.profile.streams:
-                spreads = (self.flags, *(0.0,) * 6, 0.03, 0.03)
+                spreads = (self.flags, 0.0, self.innovation, *(0.0,) * 4, 0.03, 0.03)
                 self.send(mavlink.MAVLink_estimator_status_message(ms * 1000, *spreads))
             else:
-                self.send(mavlink.MAVLink_ekf_status_report_message(self.flags, *(0.05,) * 5))
+                found = (self.flags, 0.05, self.innovation, *(0.05,) * 3)
+                self.send(mavlink.MAVLink_ekf_status_report_message(*found))
         x, y, z = self.position
         self.send(mavlink.MAVLink_attitude_quaternion_message(ms, 1.0, *(0.0,) * 6))
         self.send(mavlink.MAVLink_local_position_ned_message(ms, y, x, -z, 0.0, 0.0, 0.0))

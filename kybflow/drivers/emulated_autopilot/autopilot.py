@@ -61,6 +61,7 @@ class OnboardAutopilot:
         estimator = EmulatedEstimator(
             partial(firmware.sources, parameters),
             forgets=firmware.forgets, waits=firmware.waits, adopts=firmware.adopts,
+            averages=firmware.averages,
         )  # fmt: skip
         self.failures = AutopilotFailures()
         self.state = EmulatedState(

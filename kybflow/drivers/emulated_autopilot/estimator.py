@@ -3,14 +3,20 @@ valid without measurements.
 
 As on the firmware, the parameters select the sensors. The local frame (ENU here, NED in messages)
 is that of external vision, or begins at the first GPS fix.
+
+As in the firmwares' filters, a measurement is tested by its innovation, its difference from the
+estimate, separately along the horizontal and the vertical. The reported ratio to the largest
+accepted innovation (`Innovations`) is the last one in ArduPilot; in PX4 its square is averaged over
+0.5 s and limited to 4 (`updateAidSourceStatus` in PX4's `ekf.h`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import hypot, sqrt
 from typing import NamedTuple
 
-from kybflow.core.geometry import GRAVITY, ZERO, Vec3, norm, rotate
+from kybflow.core.geometry import GRAVITY, ZERO, Vec3, rotate, wrap
 from kybflow.core.signals import NS, Imu, Time
 from kybflow.drivers.emulation.estimation import AttitudeFilter, PositionObserver
 
@@ -26,6 +32,10 @@ in PX4 (EKF2_DELAY_MAX) and in ArduPilot's EKF3."""
 MAX_CLOCK_ERROR_NS: Time = 10 * NS
 """A stamp that differs by more than this is from another clock; the arrival time is used
 instead."""
+MAX_TURN = 1.0
+"""The largest accepted innovation of the heading, radians."""
+MAX_SQUARE = 4.0
+"""The largest square of a ratio that counts."""
 SETTLING_TIME_NS: Time = NS
 """How long the attitude takes to settle after the start."""
 
@@ -38,6 +48,14 @@ class VisionPose(NamedTuple):
     position: Vec3
     heading: float | None
     resets: int
+
+
+class Innovations(NamedTuple):
+    """The innovations divided by the largest accepted ones: above 1 a measurement is rejected."""
+
+    position: float
+    height: float
+    heading: float
 
 
 class Sources(NamedTuple):
@@ -85,15 +103,19 @@ class EmulatedEstimator:
     sources: returns the sensors that the parameters select.
     forgets: seconds without measurements after which the position is invalid.
     waits: seconds from the first GPS fix until there is a position.
-    adopts: as in `SightingClock`."""
+    adopts: as in `SightingClock`.
+    averages: seconds over which the squares of innovations are averaged."""
 
     def __init__(
-        self, sources: Callable[[], Sources], *, forgets: float, waits: float, adopts: int | None
-    ) -> None:
+        self, sources: Callable[[], Sources], *, forgets: float, waits: float, adopts: int | None,
+        averages: float,
+    ) -> None:  # fmt: skip
         self.attitude = AttitudeFilter(0.0)
         self.imu: Imu | None = None
         self.acceleration: Vec3 = ZERO
         self._sources, self._forgets, self._waits = sources, forgets, waits
+        self._averages, self._tested = averages, 0
+        self._squares = (0.0, 0.0, 0.0)
         self._observer = PositionObserver()
         self._clock = SightingClock(adopts)
         self._fixed: Time | None = None
@@ -117,6 +139,10 @@ class EmulatedEstimator:
     def local_zero(self) -> Vec3 | None:
         """The position of the first GPS fix, None before it."""
         return None if self._first_fix is None else self._first_fix[1]
+
+    @property
+    def innovations(self) -> Innovations:
+        return Innovations(*map(sqrt, self._squares))
 
     def unseen(self, now: Time) -> float | None:
         """Return the seconds since the last measurement of the position; None before the first."""
@@ -149,7 +175,9 @@ class EmulatedEstimator:
         at = self._clock.true_at(pose.time, now)
         if at is None:
             return
+        turn = 0.0
         if used.vision_heading and pose.heading is not None:
+            turn = 0.0 if self._aimed is None else wrap(pose.heading - self.attitude.heading)
             self.attitude.see(pose.heading)
             self._aimed = now
         if not used.vision:
@@ -157,8 +185,9 @@ class EmulatedEstimator:
         off = self._observer.off(pose.position, at)
         if not used.vision_height:
             off = (off[0], off[1], 0.0)
-        jumped = self._resets is not None and pose.resets != self._resets
-        left = self._admitted(off, jumped or self._vision is None, now)
+        anew = self._vision is None or pose.resets != self._resets
+        self._test(ZERO if anew else off, turn, GATE, now)
+        left = self._admitted(off, anew, now)
         if left is not None:
             height = VISION_GAIN if used.vision_height else 0.0
             self._observer.correct(
@@ -178,8 +207,9 @@ class EmulatedEstimator:
         if (now - since) / NS < self._waits:
             return
         x, y, _ = self._observer.off((position[0] - zero[0], position[1] - zero[1], 0.0), at)
-        last = self._fixed
-        left = self._admitted((x, y, 0.0), last is None, now, gate=10.0 * GATE)
+        last, gate = self._fixed, 10.0 * GATE
+        self._test(ZERO if last is None else (x, y, 0.0), 0.0, gate, now)
+        left = self._admitted((x, y, 0.0), last is None, now, gate)
         if left is not None:
             self._observer.correct(left, (FIX_GAIN, FIX_GAIN, 0.0), self._since(last, now))
 
@@ -200,11 +230,23 @@ class EmulatedEstimator:
         self._observer.correct((0.0, 0.0, off), (0.0, 0.0, PRESSURE_GAIN), self._since(last, now))
         self._pressure = (now, zero)
 
+    def _test(self, off: Vec3, turn: float, gate: float, now: Time) -> None:
+        """Note the innovations of a measurement. off, turn: those of the position, metres, and of
+        the heading, radians. gate: the largest accepted one of the position, metres."""
+        since, self._tested = (now - self._tested) / NS, now
+        share = since / (since + self._averages) if since > 0.0 else 0.0
+        ratios = hypot(off[0], off[1]) / gate, off[2] / gate, turn / MAX_TURN
+        x, y, z = (
+            old + share * (min(ratio * ratio, MAX_SQUARE) - old)
+            for old, ratio in zip(self._squares, ratios, strict=True)
+        )
+        self._squares = (x, y, z)
+
     def _admitted(self, off: Vec3, anew: bool, now: Time, gate: float = GATE) -> Vec3 | None:
         """Return the offset by which to correct the position; None if the measurement is rejected.
         anew: whether the position jumps to the measurement at once. It also jumps to measurements
         that have been far off for `REJECTION_TIME_NS`."""
-        is_far = norm(off) > gate
+        is_far = max(hypot(off[0], off[1]), abs(off[2])) > gate
         if is_far and not anew:
             self._rejecting = now if self._rejecting is None else self._rejecting
             if now - self._rejecting < REJECTION_TIME_NS:

@@ -148,11 +148,11 @@ class EmulatedFlight:
         if role is Role.PILOT:
             sticks = state.sticks
             return state.has_pilot(now) and sticks is not None and sticks.throttle > 0.6
-        if role is not Role.FOLLOW or not self._firmware.obeys_on_ground or state.wanted is None:
+        if role is not Role.FOLLOW or state.wanted is None:
             return False
         if isinstance(state.wanted, AttitudeTarget):
             return state.wanted.throttle > 0.2
-        return self._rises(state.wanted)
+        return self._firmware.obeys_on_ground and self._rises(state.wanted)
 
     def _rises(self, target: PositionTarget) -> bool:
         z, climb = target.position[2], target.velocity[2]

@@ -139,6 +139,8 @@ class MessageHandlers:
             a.firmware.keeps_setpoints or a.state.flying.role is Role.FOLLOW
         ):
             a.state.wanted, a.state.wanted_at = wanted, a.now
+            if isinstance(wanted, setpoints.AttitudeTarget):
+                a.state.climb_to = None  # an attitude ends a take-off, a position follows it
 
     def _position_target(self, m: Any) -> None:
         e, by_axis = self._a.state.estimator, self._a.firmware.by_axis

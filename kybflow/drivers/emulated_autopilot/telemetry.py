@@ -112,16 +112,21 @@ def ekf_status_report(a: OnboardAutopilot) -> Any:
     flags = NO_POSITION if unseen is None or a.state.origin is None else GOOD
     if unseen is not None and not a.state.estimator.has_position(a.now):
         flags = LOST if a.state.armed else NO_POSITION
-    far = 0.05 if unseen is None else min(1.0, 0.05 + 0.1 * unseen)
-    return mavlink.MAVLink_ekf_status_report_message(flags, 0.05, far, 0.05, 0.05, 0.0, 0.0)
+    found = a.state.estimator.innovations
+    far = 0.05 if unseen is None else max(found.position, min(1.0, 0.05 + 0.1 * unseen))
+    return mavlink.MAVLink_ekf_status_report_message(
+        flags, 0.0, far, found.height, found.heading, 0.0, 0.0
+    )
 
 
 def estimator_status(a: OnboardAutopilot) -> Any:
     e, held = a.state.estimator, a.state.estimator.has_position(a.now)
     flags = (GOOD if a.state.origin is not None else PX4_VISION) if held else LOST
+    found = e.innovations
     return mavlink.MAVLink_estimator_status_message(
-        a.boot_us(a.now), flags, 0.1, 0.1, 0.1, 0.1, 0.1, 0.0, spread(a) if e.imu else 1e3, 0.1
-    )
+        a.boot_us(a.now), flags, 0.0, found.position, found.height, found.heading, 0.0, 0.0,
+        spread(a) if e.imu else 1e3, 0.1,
+    )  # fmt: skip
 
 
 def rc_channels(a: OnboardAutopilot) -> Any:

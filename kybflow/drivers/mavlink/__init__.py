@@ -19,7 +19,7 @@ from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Battery, CommandKind, Imu, Odometry, Payload, Position, Sticks
 from kybflow.drivers import firmware_names
 from kybflow.drivers.mavlink.firmware import profile_of
-from kybflow.drivers.mavlink.params import AutopilotLinkParams, MavlinkParams
+from kybflow.drivers.mavlink.params import THRUSTS, AutopilotLinkParams, MavlinkParams
 from kybflow.parts import Claim, Driver, Objection, Seat, Session
 from kybflow.world.vehicle_context import Airframe, InnerLoop, Parcel, attitude_loop
 
@@ -31,7 +31,6 @@ ACCELERATION_RATE_HZ = 40.0
 SLOW_CONTROL_HZ, QUICK_CONTROL_HZ = 100, 250
 """Control rates, Hz: SLOW_CONTROL_HZ if it allows two ticks per setpoint, otherwise
 QUICK_CONTROL_HZ. The attitude loop, which needs a higher rate, runs on the autopilot."""
-THRUSTS = frozenset({CommandKind.ATTITUDE_THRUST, CommandKind.RATES_THRUST})
 DEAD_TIME_S, LINK_S = 0.005, 0.01
 """Delays in seconds: from the autopilot's gyroscope to its rotors, and from this program to the
 autopilot."""

@@ -49,6 +49,8 @@ REREAD_PERIOD_NS: Time = NS // 2
 """The interval at which the next of the preflight's parameters is read again in flight."""
 MAX_AGE_NS: Time = NS // 2
 """A position of the autopilot that is older counts as unknown."""
+REJECTION_TIME_NS: Time = NS // 2
+"""How long the autopilot's filter may reject poses before that counts."""
 MS: Time = NS // 1000
 
 
@@ -112,6 +114,7 @@ class AutopilotLink(Link):
             self._watch_parameters(now)
             self._keep_alive.step(now)
             self.delay = self.autopilot.sync.round_trip
+            self.rejection = self._rejection(now)
         self._publish_state()
 
     def read(self, now: Time) -> Sequence[Measurement]:
@@ -289,6 +292,16 @@ class AutopilotLink(Link):
             here = self._drift.anchor.to_world(here)
         setpoint = Setpoint(SetpointKind.POSITION, here, ZERO, heading=heading)
         return Command(LEVEL, 0.0, ZERO, heading, True, CommandKind.POSITION, setpoint)
+
+    def _rejection(self, now: Time) -> str | None:
+        """Return why the autopilot doesn't use the positions that it is sent, None if it does."""
+        status, sent = self.autopilot.status, self._vision.newest
+        since = status.rejecting
+        if since is None or now - since < REJECTION_TIME_NS:
+            return None
+        if sent is None or now - sent[1] > REJECTION_TIME_NS:
+            return None
+        return f"its filter rejects the poses: {status.innovations} of the largest that it accepts"
 
     def _publish_state(self) -> None:
         status = self.autopilot.status

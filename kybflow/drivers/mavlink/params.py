@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal
 
 from kybflow.core.params import param, params
+from kybflow.core.signals import CommandKind
 from kybflow.core.units import Duration, Frequency
 from kybflow.drivers import firmware_names
 
@@ -12,6 +13,9 @@ if TYPE_CHECKING:
     FirmwareName = str
 else:
     FirmwareName = Literal[firmware_names("mavlink")]
+
+THRUSTS = frozenset({CommandKind.ATTITUDE_THRUST, CommandKind.RATES_THRUST})
+"""Kinds of commands that an autopilot follows without its own position."""
 
 
 @params

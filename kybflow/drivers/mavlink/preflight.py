@@ -5,6 +5,9 @@ into the mode in which it follows setpoints. If it stays unready, it is requeste
 checks, because not every autopilot reports unasked what is wrong. Unhealthy sensors are named along
 with its texts.
 
+If its position comes from kybflow, the check `innovations` shows how well the poses fit what its
+filter expects from its IMU.
+
 `RequiredParameters` has two checks. `watchdog` fails on values that make the vehicle dangerous if
 this program or the link fails. `parameters` covers what else flight without GPS needs: it lists
 each wrong value on a line, and the command that corrects them all. Each wrong value appears only
@@ -68,7 +71,10 @@ class PreflightChecks:
             lines.append(self._required.set_up())
         trouble = mode_trouble and mode_trouble + self._autopilot.ignored_because
         lines.append(Check("command mode", not trouble, trouble or self._modes.reported))
-        return [*lines, self._position(sent, now), self._readiness(now)]
+        lines.append(self._position(sent, now))
+        if self._is_outside:
+            lines.append(self._innovations())
+        return [*lines, self._readiness(now)]
 
     def request_own_checks(self, now: Time) -> None:
         """Request that an autopilot which stays unready runs its own checks, because their texts
@@ -112,6 +118,16 @@ class PreflightChecks:
             reason = f"{apart:.2f} m from the one that kybflow sends ({TOLERANCE:.2f} m allowed)"
             return Check("position", apart <= TOLERANCE, reason)
         return Check("position", True, f"spread {spread:.2f} m")
+
+    def _innovations(self) -> Check:
+        found = self._status.innovations
+        if found is None:
+            return Check("innovations", False, "it has not reported its estimator")
+        reason = f"{found} of the largest that its filter accepts"
+        if max(found) <= 1.0:
+            return Check("innovations", True, reason)
+        way_out = "check the stream's `units` and `axes`, and its `latency`"
+        return Check("innovations", False, f"it rejects the poses, {reason}: {way_out}")
 
     def _readiness(self, now: Time) -> Check:
         status = self._status

@@ -21,7 +21,9 @@ It begins at the velocity of the last setpoint if that was within 0.3 m of the l
 at that of the last estimate, also if commands are late (`commands_late`); if the frame of the
 estimate is wrong (`mocap_frame`), at the velocity by the IMU. The horizontal velocity is braked
 first, as hard as the airframe's largest tilt allows, by a model of the vehicle
-(`kybflow.flight.descent.BlindBrake`) in the vehicle's heading. A bump against a wall or another
+(`kybflow.flight.descent.BlindBrake`) in the vehicle's heading. In a wrong frame the IMU measures
+the velocity until the first impact, and the brake goes on until then: an autopilot that took the
+wrong poses is a few degrees off when it is commanded to be level. A bump against a wall or another
 vehicle is not mistaken for the floor. If commands are late, so that the vehicle bounces on the
 floor, a fresh estimate that shows it on the ground and not sinking also ends the landing.
 
@@ -118,7 +120,7 @@ class LandBlind(
         self._late = entry.late
         self._hover = entry.hover_thrust
         self._most = entry.context.airframe.max_thrust
-        known, felt = entry.known, entry.imu_velocity
+        known, felt = entry.known, entry.imu_motion
         if felt is None:
             vx, vy, climb = entry.motion.velocity
             ax, ay, _ = (entry.setpoint and entry.setpoint.acceleration) or ZERO
@@ -129,8 +131,9 @@ class LandBlind(
                     climb += _CLIMB_LAG_S * (uz * entry.imu.specific_force[2] - GRAVITY)
             self._heading = entry.heading if known is None else heading_of(known.attitude)
         else:
-            vx, vy, climb = felt
-            ax = ay = self._heading = 0.0
+            vx, vy, climb = felt.velocity
+            ax, ay, _ = felt.acceleration
+            self._heading = 0.0
         self._brake = BlindBrake((vx, vy), (ax, ay), entry.context.airframe, entry.late)
         self._kick = min(max(-2.0 * climb / (GRAVITY * _ARREST_TIME_S), -_MAX_KICK), _MAX_KICK)
         self._descent: Descent | None = Descent(
@@ -143,6 +146,8 @@ class LandBlind(
     def update(self, tick: Tick) -> Command | Done:
         if self._grounded:
             return Done(IDLE)
+        if tick.imu_motion is not None and self._descent and not self._descent.was_struck:
+            self._brake.measure(tick.imu_motion)
         leant, pull = self._brake.lean, self._brake.step(tick.dt)
         if self._descent is not None and self._landed(self._descent, tick, leant):
             return Done(IDLE)

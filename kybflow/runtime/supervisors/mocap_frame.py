@@ -7,7 +7,15 @@ that shows it: vertical errors show when the vehicle lifts off, horizontal ones 
 sideways. The alarm then lasts for as long as the vehicle flies. Without an IMU that gives 22
 samples a second or more, nothing is checked; the preflight says so.
 
-The default reaction is `land_blind`: the IMU is right, and every position is wrong.
+An autopilot judges the poses that it is sent too: it reports their innovations, which is how far
+they are from what its own filter expects by its IMU. If it rejects poses for half a second, the
+alarm is `poses_rejected`, by default with the reaction `warn`, because a late stream looks the
+same. The reason of a `mocap_frame_wrong` mentions it.
+
+The default reaction is `land_blind`: the IMU is right, and every position is wrong. An autopilot
+that takes its position from kybflow is then sent none any more, and is not put into its own land
+mode: its filter has taken the wrong poses. kybflow lands it by attitude and thrust. For the first
+seconds of a flight its IMU is requested 100 times a second, so that the frame is judged sooner.
 """
 
 from __future__ import annotations
@@ -19,17 +27,24 @@ from kybflow.parts import Supervisor, param, params
 @params
 class MocapFrameSupervisorParams:
     reaction: ReactionName = param("What the failsafe does.", default="land_blind", tightens="up")
+    rejected: ReactionName = param(
+        "What the failsafe does when an autopilot's filter rejects the poses.",
+        default="warn", tightens="up",
+    )  # fmt: skip
 
 
 class MocapFrameSupervisor(Supervisor[MocapFrameSupervisorParams]):
     always = True
     unhurried = True
-    events = ("mocap_frame_wrong",)
+    events = ("mocap_frame_wrong", "poses_rejected")
 
     def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
-        wrong = tick.wrong_frame
-        if wrong is None or not off_ground:
+        if (tick.wrong_frame is None and tick.rejection is None) or not off_ground:
             return None
-        reason, value, bound = wrong
+        rejection = tick.rejection or ""
+        if tick.wrong_frame is None:
+            return Alarm("poses_rejected", Reaction[self.params.rejected.upper()], rejection)
+        reason, value, bound = tick.wrong_frame
+        reason += rejection and f"; {rejection}"
         reaction = Reaction[self.params.reaction.upper()]
         return Alarm("mocap_frame_wrong", reaction, reason, value, bound, is_failure=True)

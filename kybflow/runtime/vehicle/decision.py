@@ -63,8 +63,9 @@ class Decision:
             command = self._link.deliver(command, tick.now)
         except Refused as refusal:
             command = self._unarmed(str(refusal), tick)
-        if command.armed is not self._resting.rotors_turn and command is not HANDED_OVER:
-            self._resting.turn(command.armed)
+        turns = command.armed or self._link.armed is True
+        if turns is not self._resting.rotors_turn and command is not HANDED_OVER:
+            self._resting.turn(turns)
             self._knowledge.late = 0.0
         if runner.grip is not None:
             self._grip(tick.now)
@@ -119,7 +120,8 @@ class Decision:
         if runner.hold is not None:
             runner.wait(tick.dt)
         if tick.now >= failsafe.due:
-            raised = failsafe.check(tick, runner.off_ground)
+            is_lifted = tick.wrong_frame is not None and self._reactions.airborne
+            raised = failsafe.check(tick, is_lifted or runner.off_ground)
             if raised is not None:
                 self._knowledge.late = raised.alarm.late or self._knowledge.late
                 self._reactions.react(raised, tick)

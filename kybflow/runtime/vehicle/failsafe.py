@@ -351,7 +351,7 @@ class Reactions:
     def airborne(self) -> bool:
         """Whether the vehicle is off the ground and its rotors turn. A vehicle that is being armed
         may lift off by itself, for example while this process hangs: once it reports itself armed,
-        it is on the ground only if a fresh estimate shows it there."""
+        it is on the ground only if a fresh estimate, whose frame is not wrong, shows it there."""
         runner, link = self._runner, self._link
         if not runner.off_ground or link.sent.armed:
             return runner.off_ground
@@ -359,7 +359,7 @@ class Reactions:
             return False
         entry = runner.entry()
         known = entry.estimate
-        if known is None or known.age > FRESH_S:
+        if known is None or known.age > FRESH_S or entry.imu_motion is not None:
             return True
         return height_in_the_air(entry.context, known, ()) > 0.0
 
@@ -391,7 +391,8 @@ class Reactions:
                 self._cut = tick.now
                 self._link.cut(tick.now)
             runner.enter_built_in(response.in_air, grounded=cuts)
-            if self._link.prefers_land_mode(reaction):
+            misled = tick.wrong_frame is not None
+            if self._link.prefers_land_mode(reaction, misled=misled):
                 own, context = tick.estimate, runner.entry().context
                 # the vehicle's own land mode wouldn't notice another vehicle or an edge below
                 if own is None or what_is_below(context, own.position, tick.fleet) is None:

@@ -115,7 +115,8 @@ class RestingBias:
     position. The measured bias includes the effect of a sloping floor.
 
     The measurement restarts whenever the rotors stop. rotors_turn: whether the last command let the
-    rotors turn.
+    rotors turn, or the vehicle reports itself armed: an autopilot may lift off while it is being
+    armed.
     """
 
     __slots__ = ("_felt", "_time", "rotors_turn")
@@ -212,11 +213,17 @@ class Knowledge:
         self.needs: frozenset[MeasurementKind] = frozenset().union(*needs)
         tracker = plan.tracker
         kinds = self.needs | tracker.cls.uses(tracker.params)
+        self._confirms = False
         if Pose not in self.needs:
             self.frame.due = NEVER
-        elif not plan.driver.cls.streams_imu:
+        elif plan.driver.cls.streams_imu:
+            self._confirms = Imu not in kinds
+        else:
             kinds |= {Imu}
         link.subscribe(kinds)
+        self._hides_imu = self._confirms  # estimators must not depend on what stops soon
+        if self._confirms:
+            link.subscribe_briefly(frozenset({Imu}))
 
     def update(self, now: Time, airborne: bool) -> Estimate | None:
         """Read the measurements; update and return the estimate. airborne: whether the vehicle
@@ -229,6 +236,10 @@ class Knowledge:
             measurements = self._body.measured(measurements, now, airborne)
         if now >= self.frame.due:
             self.frame.add_poses(measurements, self.resting.rotors_turn)
+            if self._confirms and self.frame.is_confirmed:
+                self._confirms = not self.link_in.subscribe_briefly(frozenset())
+        if self._hides_imu:
+            measurements = [m for m in measurements if not isinstance(m, Imu)]
         if self.cameras.is_asked:
             measurements = self.cameras.measured(measurements, now, airborne)
         if self._faults is not None and self._faults.estimators:
@@ -329,13 +340,15 @@ class TickBuilder:
         entered at `entered`."""
         self.fleet = fleet
         knowledge, link = self._knowledge, self._knowledge.link_in
+        wrong = knowledge.frame.wrong
         return made(
             Tick,
             (
                 now, dt, (now - entered) / NS, knowledge.estimate, knowledge.battery,
                 self._control.followed, fleet, knowledge.imu, link.age, link.delay,
                 knowledge.payload.state, self._inputs, self._neighbours, self._moving,
-                knowledge.frame.wrong, self._link_out.sent,
+                wrong, None if wrong is None else knowledge.frame.motion(now), link.rejection,
+                self._link_out.sent,
             ),
         )  # fmt: skip
 
@@ -355,5 +368,5 @@ class TickBuilder:
         return Entry(
             knowledge.now, context, knowledge.estimate, None if late else control.followed, thrust,
             flight, lift, self._inputs, knowledge.estimation.lost,
-            None if frame.wrong is None else frame.velocity, knowledge.imu, late,
+            None if frame.wrong is None else frame.motion(knowledge.now), knowledge.imu, late,
         )  # fmt: skip

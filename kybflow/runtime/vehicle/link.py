@@ -113,6 +113,7 @@ class LinkIn:
     age: seconds since the vehicle's last measurement; before the first one, since the link was
     first read. Messages without a measurement, such as heartbeats, don't count.
     delay: the round-trip time to the vehicle in seconds, zero while unknown.
+    rejection: why the vehicle doesn't use the positions that it is sent, None if it does.
     faults: the injected faults of the vehicle, None on hardware.
     """
 
@@ -128,6 +129,7 @@ class LinkIn:
         self.heard: Time | None = None
         self.has_delivered = False
         self.age = self.delay = 0.0
+        self.rejection: str | None = None
         self._alive: Time | None = None
         self._vehicle, self._at, self._events = plan.name, plan.driver.at, events
         self._link, self._guard = link, guard
@@ -137,6 +139,7 @@ class LinkIn:
         self._others = link.foreign_commands if isinstance(link, NoticesOthers) else None
         self._score = score
         self._subscribed: frozenset[MeasurementKind] = frozenset()
+        self._briefly: frozenset[MeasurementKind] = frozenset()
 
     def listen(self, now: Time, accept: Accept) -> Sequence[Measurement]:
         """Read the link; return the measurements that `accept` keeps."""
@@ -153,6 +156,7 @@ class LinkIn:
                     self._alive = now
                     self.has_delivered |= is_heard and bool(measurements)
                 self.heard, self.delay = now, self._link.delay
+                self.rejection = self._link.rejection
                 measurements = accept(measurements, now)
         except Exception as error:  # a driver may raise anything
             self.truth, measurements = None, ()
@@ -176,8 +180,20 @@ class LinkIn:
         if kinds <= self._subscribed:
             return
         self._subscribed |= kinds
+        self._request_streams()
+
+    def subscribe_briefly(self, kinds: frozenset[MeasurementKind]) -> bool:
+        """Also subscribe to these kinds of measurement, until the next call. Return False, without
+        any effect, while somebody else controls the vehicle, which is then requested nothing."""
+        if self._guard.attempt(lambda: self._link.override) is not None:
+            return False
+        self._briefly = kinds
+        self._request_streams()
+        return True
+
+    def _request_streams(self) -> None:
         if isinstance(self._link, Subscribable):
-            self._guard.attempt(self._link.subscribe, self._subscribed)
+            self._guard.attempt(self._link.subscribe, self._subscribed | self._briefly)
 
     def checks(self, now: Time) -> Sequence[Check]:
         """Return the vehicle's own preflight checks."""
@@ -300,9 +316,12 @@ class LinkOut:
         requested now."""
         return self._lands and self._guard.error is None and self._in.age <= REQUEST_AGE_S
 
-    def prefers_land_mode(self, reaction: Reaction) -> bool:
-        """Return whether the vehicle's own land mode replaces the state for `reaction`."""
-        fit = reaction is Reaction.LAND or (reaction is Reaction.LAND_BLIND and self._lands_blind)
+    def prefers_land_mode(self, reaction: Reaction, *, misled: bool) -> bool:
+        """Return whether the vehicle's own land mode replaces the state for `reaction`. misled:
+        whether the positions that the vehicle was sent are wrong, so that its filter and its land
+        mode are wrong too."""
+        lands_blind = self._lands_blind and not (misled and self.tells_position)
+        fit = reaction is Reaction.LAND or (reaction is Reaction.LAND_BLIND and lands_blind)
         return fit and self.can_land
 
     def land(self, now: Time) -> bool:

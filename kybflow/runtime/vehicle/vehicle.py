@@ -200,11 +200,17 @@ class Vehicle:
     def sense(self, now: Time) -> Estimate | None:
         """Read the link, and update and return the estimate."""
         estimate = self.knowledge.update(now, self._reactions.airborne)
-        if self.link_out.tells_position:
+        if self.link_out.tells_position and not self._is_misled:
             position = self._external_position.of(estimate)
             if position is not None:
                 self.link_out.tell_position(position, now)
         return estimate
+
+    @property
+    def _is_misled(self) -> bool:
+        """Whether the vehicle lands blind because its positions are wrong."""
+        is_wrong = self.knowledge.frame.wrong is not None
+        return is_wrong and self.failsafe.latched is Reaction.LAND_BLIND
 
     def act(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> None:
         """Decide what to do in this tick, compute and send the command, and record the tick."""

@@ -53,8 +53,8 @@ def supervisors() -> dict[str, list[tuple[str, str]]]:
 
 
 SUPERVISORS = supervisors()
-WARNING = {"battery"}
-"""Supervisors that warn before they ask for their reaction."""
+WARNING = {"battery", "mocap_frame"}
+"""Supervisors that also warn, before they ask for their reaction or of something else."""
 
 
 def default_reaction(name: str) -> str:

@@ -25,6 +25,7 @@ from framing import (  # noqa: E402
     FAILED,
     REJECTED,
 )
+from sim_worlds import FRAME  # noqa: E402
 
 from kybflow.core.signals import NS  # noqa: E402
 from kybflow.drivers.mavlink.control.arming import FORCE  # noqa: E402
@@ -137,6 +138,45 @@ def test_without_vision_it_lands_blindly_and_late(name, forgets, gives_up):
     assert lost + after(bench, lambda: state.mode == land) == pytest.approx(gives_up, abs=0.1)
     assert bench.run(15.0, lambda: not state.armed)
     assert bench.height < 0.01
+
+
+def test_px4_follows_attitudes_without_a_position():
+    """As in PX4, `OffboardChecks`: only a position or velocity setpoint needs an estimate of it."""
+    bench = Bench("px4").take_off(1.0)
+    bench.sees = False
+    bench.wanted = lambda: mavlink.MAVLink_set_attitude_target_message(
+        0, 1, 1, 7, [1.0, 0.0, 0.0, 0.0], 0, 0, 0, 1.02 * FRAME.hover_thrust / FRAME.max_thrust
+    )
+    bench.run(bench.firmware.gives_up + 2.0)
+    assert bench.pilot.state.mode == PX4_OFFBOARD
+    bench.wanted = lambda: bench.go(0.0, 0.0, 1.0)
+    bench.run(0.1)
+    assert bench.pilot.state.mode == PX4_LAND
+
+
+@pytest.mark.parametrize("name", ["px4", "ardupilot"])
+def test_it_reports_how_far_poses_are_from_what_its_filter_expects(name):
+    kind = "ESTIMATOR_STATUS" if name == "px4" else "EKF_STATUS_REPORT"
+    bench = Bench(name).take_off(1.0)
+
+    def found():
+        m = bench.request(kind)
+        horizontal, vertical = ("pos_horiz_ratio", "pos_vert_ratio")
+        if name == "ardupilot":
+            horizontal, vertical = ("pos_horiz_variance", "pos_vert_variance")
+        return getattr(m, horizontal), getattr(m, vertical)
+
+    assert max(found()) < 0.2
+    bench.shift = (0.0, 0.9, 0.0)
+    bench.run(0.5)
+    assert found()[0] > 1.0
+    assert found()[1] < 0.2
+    bench.resets = 1
+    bench.run(3.0)
+    assert max(found()) < 0.2, "the jump was told"
+    bench.shift = (0.0, 0.9, 0.45)
+    bench.run(0.1)
+    assert found()[0] < 0.1 < found()[1] < 1.0
 
 
 def test_a_jump_of_vision_is_not_believed_at_once_unless_it_is_told():

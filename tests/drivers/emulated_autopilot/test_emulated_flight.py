@@ -96,6 +96,24 @@ def test_an_attitude_and_a_thrust_are_followed(name):
     assert abs(bench.truth.velocity[2]) < 0.4
 
 
+def test_an_attitude_ends_ardupilots_take_off_even_on_the_ground():
+    """As in ArduCopter, `ModeGuided::set_angle` and `angle_control_run`."""
+    bench = Bench("ardupilot").take_off(1.0)
+    assert bench.mode(LAND) == ACCEPTED
+    assert bench.run(20.0, lambda: not bench.pilot.state.armed)
+    assert bench.mode(GUIDED) == ACCEPTED
+    assert bench.arm() == ACCEPTED
+    assert bench.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 2.0) == ACCEPTED
+    level = attitude_to_ned(from_euler(0.0, 0.0, 0.0))
+    thrust = 1.2 * FRAME.hover_thrust / FRAME.max_thrust
+    bench.wanted = lambda: mavlink.MAVLink_set_attitude_target_message(
+        0, 1, 1, 7, level, 0, 0, 0, thrust
+    )
+    bench.run(2.0)
+    assert bench.pilot.state.climb_to is None
+    assert bench.truth.velocity[2] > 1.0
+
+
 def test_body_rates_turn_it():
     bench = Bench("px4").take_off(2.0)
     hover = FRAME.hover_thrust / FRAME.max_thrust

@@ -7,7 +7,8 @@ from framing import ARM, FAILED, REJECTED, SET_MODE, TAKEOFF
 from scripted_autopilot import AIR, GROUND, RESTING, STREAM, UP, Bench, at, flying, standing
 
 from kybflow.core.errors import Refused
-from kybflow.core.geometry import ZERO
+from kybflow.core.geometry import LEVEL, ZERO
+from kybflow.core.signals import Command
 from kybflow.drivers.mavlink.control.arming import FORCE
 
 
@@ -114,6 +115,32 @@ def test_what_does_not_know_that_it_is_on_the_ground_lands_before_it_is_disarmed
     bench.fake.landed = GROUND
     bench.run(0.3, RESTING)
     assert bench.link.armed is False
+
+
+def test_what_was_landed_by_thrust_idles_until_it_detects_the_landing():
+    bench = flying("px4")
+    level = Command(LEVEL, 1.0, ZERO, None)
+    bench.run(0.5, level)
+    bench.run(0.1, RESTING)
+    bench.fake.sent.clear()
+    bench.run(1.0, RESTING)
+    assert bench.fake.mode == bench.fake.profile.modes["offboard"]
+    idle = bench.fake.took("SET_ATTITUDE_TARGET")
+    assert len(idle) >= 40
+    assert {m.thrust for m in idle} == {0.0}
+    bench.fake.landed = GROUND
+    bench.run(0.3, RESTING)
+    assert bench.link.armed is False
+    bench.fake.sent.clear()
+    bench.run(0.5, RESTING)
+    assert bench.fake.took("SET_ATTITUDE_TARGET") == []
+
+
+def test_what_was_landed_by_thrust_and_does_not_detect_it_lands_by_its_own_mode():
+    bench = flying("ardupilot")
+    bench.run(0.5, Command(LEVEL, 1.0, ZERO, None))
+    bench.run(3.0, RESTING)
+    assert bench.fake.mode == bench.fake.profile.modes["land"]
 
 
 def test_cutting_is_by_force_and_repeated_until_the_rotors_rest():

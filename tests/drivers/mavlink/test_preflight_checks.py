@@ -41,6 +41,31 @@ def test_one_that_stays_unready_is_asked_why_and_its_words_are_shown():
     assert len(bench.fake.commands(RUN_PREARM_CHECKS)) == 3
 
 
+@BOTH
+def test_poses_that_its_filter_rejects_are_red_on_the_ground_and_told_in_flight(name):
+    bench = Bench(name)
+    line = looked(bench)["innovations"]
+    assert line.green
+    assert "position 0.05" in line.reason
+    assert bench.link.rejection is None
+    bench.fake.innovation = 1.5
+    line = looked(bench, 1.0)["innovations"]
+    assert not line.green
+    assert "position 1.50" in line.reason
+    assert "`units`" in line.reason
+    assert "its filter rejects the poses: position 1.50" in bench.link.rejection
+    looked(bench, 1.0, tells=False)
+    assert bench.link.rejection is None, "it was sent none"
+    looked(bench, 0.4)
+    bench.fake.innovation = 0.4
+    looked(bench, 0.4)
+    assert bench.link.rejection is None
+
+
+def test_an_autopilot_with_gps_has_no_line_about_poses():
+    assert "innovations" not in looked(Bench(position="own"))
+
+
 def test_asking_for_the_checks_sends_nothing():
     bench = Bench()
     bench.fake.ready = False

@@ -11,6 +11,7 @@ from kybflow.drivers.mavlink.telemetry.received_status import (
     READY,
     SENSORS,
     WAYS_OUT,
+    InnovationRatios,
     LandedState,
     ReceivedStatus,
     ReceivedText,
@@ -54,6 +55,23 @@ def test_the_heartbeat_of_a_camera_of_the_same_system_does_not_count() -> None:
     heard.handle(heartbeat(4, armed=True), 1)
     heard.handle(heartbeat(0, autopilot=8), 2)
     assert (heard.heartbeat, heard.mode, heard.armed) == (1, 4, True)
+
+
+@pytest.mark.parametrize("position", [0.4, 1.2])
+def test_innovations_are_read_from_either_firmware(position: float) -> None:
+    nan = float("nan")
+    found = InnovationRatios(position=position, height=0.2, velocity=0.1, heading=0.0)
+    reports = (
+        mavlink.MAVLink_estimator_status_message(5, 831, 0.1, position, 0.2, nan, 0, 0, 0.1, 0.1),
+        mavlink.MAVLink_ekf_status_report_message(831, 0.1, position, 0.2, 0.0, 0.0),
+    )
+    for report in reports:
+        heard = ReceivedStatus()
+        heard.handle(report, 7)
+        heard.handle(report, 9)
+        assert heard.innovations == found
+        assert heard.rejecting == (7 if position > 1.0 else None)
+        assert heard.ekf == 831
 
 
 def test_readiness_and_ill_sensors() -> None:

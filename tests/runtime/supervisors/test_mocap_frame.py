@@ -27,6 +27,21 @@ def test_a_wrong_frame_lands_blind_and_is_no_success():
     assert supervisor.check(seen, off_ground=True) is None
 
 
+def test_poses_that_an_autopilot_rejects_are_told_and_part_of_the_reason():
+    supervisor = MocapFrameSupervisor(MocapFrameSupervisorParams(rejected="land"), SITE)
+    seen = tick(0.0, estimate((0.0, 0.0, 1.0)))._replace(rejection="its filter rejects the poses")
+    alarm = supervisor.check(seen, off_ground=True)
+    assert alarm is not None
+    assert (alarm.event, alarm.reaction) == ("poses_rejected", Reaction.LAND)
+    assert alarm.reason == "its filter rejects the poses"
+    assert not alarm.is_failure
+    assert supervisor.check(seen, off_ground=False) is None
+    alarm = supervisor.check(seen._replace(wrong_frame=WRONG), off_ground=True)
+    assert alarm is not None
+    assert alarm.event == "mocap_frame_wrong"
+    assert alarm.reason == f"{WRONG.reason}; its filter rejects the poses"
+
+
 @pytest.mark.parametrize(
     ("rule", "height", "word"),
     [

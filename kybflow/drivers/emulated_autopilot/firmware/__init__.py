@@ -67,6 +67,7 @@ class EmulatedFirmware:
     forgets: the time without measurements after which its estimator gives up the position.
     gives_up: the time without measurements after which it lands.
     adopts: as in `SightingClock`.
+    averages: the time over which it averages the squares of its innovations.
     waits: the time from the first GPS fix to a position; real receivers take longer.
     takes_off: the climb rate of its take-off, m/s.
     obeys_on_ground: whether setpoints alone make it leave the ground.
@@ -121,6 +122,7 @@ class EmulatedFirmware:
     gives_up: float
     waits: float
     adopts: int | None
+    averages: float
     takes_off: float
     obeys_on_ground: bool
     keeps_setpoints: bool

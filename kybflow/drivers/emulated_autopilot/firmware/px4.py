@@ -7,6 +7,7 @@ from kybflow.core.signals import NS, Time
 from kybflow.core.units import DEG
 from kybflow.drivers.emulated_autopilot.estimator import Sources
 from kybflow.drivers.emulated_autopilot.firmware import EmulatedFirmware, by_number
+from kybflow.drivers.emulated_autopilot.setpoints import AttitudeTarget
 from kybflow.drivers.emulated_autopilot.state import (
     ACCEPTED,
     UNSUPPORTED,
@@ -112,7 +113,8 @@ def disarms(state: EmulatedState, now: Time) -> FailsafeAction | None:
 def failsafe(state: EmulatedState, now: Time) -> FailsafeAction | None:
     p, role = state.parameters, state.flying.role
     unseen = state.estimator.unseen(now)
-    if state.flying.needs_position and (unseen is None or unseen > EMULATED.gives_up):
+    needs = state.flying.needs_position and not isinstance(state.wanted, AttitudeTarget)
+    if needs and (unseen is None or unseen > EMULATED.gives_up):
         return FailsafeAction(LAND, "Failsafe activated: switching to Descend", "position")
     if (low := _low_battery(state)) is not None:
         return low
@@ -229,7 +231,8 @@ EMULATED = EmulatedFirmware(
     mode_messages=("HEARTBEAT", "CURRENT_MODE"), servo_function=GRIPPER, pulses=(1000, 2000),
     vision_frames=frozenset({mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_FRD}),
     origin=Tangent.on_ellipsoid(47.397742, 8.545594, 488.0), forgets=1.0, gives_up=5.0, adopts=None,
-    waits=2.5, takes_off=1.5, obeys_on_ground=True, keeps_setpoints=True, returns_to_mode=True,
+    averages=0.5, waits=2.5, takes_off=1.5, obeys_on_ground=True, keeps_setpoints=True,
+    returns_to_mode=True,
     by_axis=True, takes_mocap=False, speaks_to_all=False, complains=False,
     every_heartbeat_counts=False,
     pauses_in_mode=False, sources=sources, refusal=refusal, refusal_texts=refusal_texts,

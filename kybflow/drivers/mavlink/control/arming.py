@@ -34,6 +34,9 @@ LIFTED_BY = 0.15
 known."""
 DISARM_BY_LANDING_NS: Time = NS
 """How long disarming on the ground may take before the vehicle is put into its own land mode."""
+IDLE_TIME_NS: Time = 2 * NS
+"""How long a vehicle that was landed by thrust is commanded to idle. PX4 and ArduPilot detect a
+landing within a second."""
 LANDED_STATE_TIMEOUT_NS: Time = 5 * NS
 """The time after which disarming is requested even if the autopilot doesn't report that it has
 landed."""
@@ -116,10 +119,16 @@ class Arming:
 class Disarming:
     """Disarms a vehicle by request, never by force. A vehicle that doesn't report that it is on the
     ground, or doesn't disarm there within a second, is put into its own land mode, which detects
-    the landing. `is_retrying`: whether it is too early to report a refusal."""
+    the landing. `is_retrying`: whether it is too early to report a refusal.
 
-    def __init__(self, status: ReceivedStatus, requests: CommandRequests, modes: Modes) -> None:
-        self._status, self._modes = status, modes
+    by_thrust: whether kybflow landed the vehicle by thrust, without its filter. That filter may be
+    wrong, and the land mode would tilt the vehicle on the ground to correct it. So the vehicle is
+    first commanded to idle for up to `IDLE_TIME_NS`, in which it detects the landing."""
+
+    def __init__(
+        self, status: ReceivedStatus, requests: CommandRequests, modes: Modes, by_thrust: bool
+    ) -> None:
+        self._status, self._modes, self._by_thrust = status, modes, by_thrust
         self._disarm = Retries(requests, ARM_DISARM, (0.0,))
         self._begun: Time | None = None
         self.is_retrying = status.armed
@@ -133,6 +142,11 @@ class Disarming:
         """Whether the vehicle was armed in the last tick."""
         return self._begun is not None
 
+    def idles(self, now: Time) -> bool:
+        """Return whether the vehicle must be commanded to idle."""
+        since = now if self._begun is None else self._begun
+        return self._by_thrust and self._status.armed and now - since <= IDLE_TIME_NS
+
     def step(self, now: Time) -> None:
         self.is_retrying = self._status.armed and (
             self._begun is None or now - self._begun <= REFUSAL_DELAY_NS
@@ -145,7 +159,8 @@ class Disarming:
         grounded = self._status.landed in (LandedState.GROUND, LandedState.UNKNOWN)
         if grounded or now - self._begun > LANDED_STATE_TIMEOUT_NS:
             self._disarm.step(now)
-        if not grounded or now - self._begun > DISARM_BY_LANDING_NS:
+        is_late = now - self._begun > DISARM_BY_LANDING_NS
+        if (is_late or not grounded) and not self.idles(now):
             self._modes.want("land")
         self._modes.step(now)
 

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from enum import Enum
 
 from kybflow.core.errors import Refused
+from kybflow.core.geometry import LEVEL, ZERO
 from kybflow.core.signals import NS, Command, CommandKind, Time
 from kybflow.drivers.mavlink.control.arming import (
     LEAD_S,
@@ -25,6 +26,7 @@ from kybflow.drivers.mavlink.control.override import ControlRecovery, OverrideDe
 from kybflow.drivers.mavlink.control.requests import CommandRequests, Modes
 from kybflow.drivers.mavlink.control.setpoints import LiftOff, SetpointStream, raised
 from kybflow.drivers.mavlink.firmware import FirmwareProfile
+from kybflow.drivers.mavlink.params import THRUSTS
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState, ReceivedStatus, Silence
 from kybflow.parts import Override
 
@@ -38,6 +40,8 @@ STABLE_LINK_NS: Time = NS
 LIFTED_BY_SETPOINT = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
 """Kinds of commands that are raised until the vehicle has lifted off; the others lift it as they
 are."""
+IDLE = Command(LEVEL, 0.0, ZERO, None)
+"""The command of a vehicle that was landed by thrust, until it is disarmed."""
 
 
 class OffboardGoal(Enum):
@@ -77,7 +81,7 @@ class OffboardControl:
         self._profile, self._status, self._requests = profile, status, requests
         self._arming_time, self._resumes = arming_time, resumes
         self._arming: Arming | None = None
-        self._disarming = Disarming(status, requests, self.modes)
+        self._disarming = Disarming(status, requests, self.modes, by_thrust=False)
         self._motor_stop = MotorStop(status, requests)
         first = self._stream if profile.streams_first else None
         self._preflight_mode = PreflightMode(self.modes, first, hold, self._step_mode)
@@ -143,10 +147,11 @@ class OffboardControl:
         return self._preflight_mode.step(now)
 
     def disarm(self, now: Time) -> None:
+        by_thrust = self.goal is OffboardGoal.FOLLOW and self._stream.kind in THRUSTS
         self._begin(OffboardGoal.DISARM, now)
         self._stream.stop()
         self.modes.want(None)
-        self._disarming = Disarming(self._status, self._requests, self.modes)
+        self._disarming = Disarming(self._status, self._requests, self.modes, by_thrust)
 
     def cut(self, now: Time) -> None:
         """Stop the rotors, even if a pilot or another program controls the vehicle."""
@@ -217,6 +222,8 @@ class OffboardControl:
                 self._lose_control(Override(f"somebody armed it: {self.modes.reported}"))
             else:
                 self._disarming.step(now)
+                if self._disarming.idles(now):
+                    self._stream.feed(IDLE, now)
         elif self.goal is OffboardGoal.FOLLOW:
             self._watch_control(now)
 

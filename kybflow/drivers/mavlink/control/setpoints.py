@@ -36,6 +36,11 @@ class SetpointStream:
         self._begun: Time | None = None
         self._due: Time = 0
 
+    @property
+    def kind(self) -> CommandKind | None:
+        """The kind of the newest command, None while the stream is stopped."""
+        return None if self._command is None else self._command.kind
+
     def feed(self, command: Command, now: Time) -> None:
         """Set the newest command; the first one begins the stream."""
         if self._begun is None:

@@ -9,7 +9,7 @@ sensors shows why."""
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from enum import Enum
 from itertools import takewhile
 from math import isfinite
@@ -66,6 +66,23 @@ class Silence(NamedTuple):
     seconds: float
 
 
+class InnovationRatios(NamedTuple):
+    """The innovations of an autopilot's filter, each divided by the largest that it accepts.
+
+    Both firmwares report these ratios, PX4 in ESTIMATOR_STATUS, ArduPilot as the "variances" of
+    EKF_STATUS_REPORT (`AP_NavEKF3::getVariances`). Normally they are below 0.5; above 1 the filter
+    has rejected a measurement (MAVLink, `ESTIMATOR_STATUS`). What is not measured counts as 0."""
+
+    position: float
+    height: float
+    velocity: float
+    heading: float
+
+    def __str__(self) -> str:
+        found = (f"{name} {value:.2f}" for name, value in zip(self._fields, self, strict=True))
+        return ", ".join(found)
+
+
 class _Chunks:
     """A text whose chunks have not all arrived. `last`: the index of its last chunk, None while
     unknown."""
@@ -96,6 +113,8 @@ class ReceivedStatus:
     mode: its custom_mode.
     ready: whether it can be armed in its current mode.
     ekf: the flags of its estimator (EKF_STATUS_REPORT or ESTIMATOR_STATUS).
+    innovations: how well the measurements fit that estimator, from the same message.
+    rejecting: since when the estimator has rejected a measurement, None if it accepts them.
     servos: the pulses of its main outputs in microseconds, channel 1 first.
     throttle: the throttle that its attitude controller commands, 0 to 1.
     at: when each type of message last arrived.
@@ -112,6 +131,8 @@ class ReceivedStatus:
         self.sensors: SensorHealth | None = None
         self.landed = LandedState.UNKNOWN
         self.ekf: int | None = None
+        self.innovations: InnovationRatios | None = None
+        self.rejecting: Time | None = None
         self.servos: tuple[int, ...] = ()
         self.throttle: float | None = None
         self.at: dict[str, Time] = {}
@@ -122,8 +143,8 @@ class ReceivedStatus:
             "CURRENT_MODE": self._current_mode,
             "SYS_STATUS": self._sys_status,
             "EXTENDED_SYS_STATE": self._extended_sys_state,
-            "EKF_STATUS_REPORT": self._flags,
-            "ESTIMATOR_STATUS": self._flags,
+            "EKF_STATUS_REPORT": self._ekf_status_report,
+            "ESTIMATOR_STATUS": self._estimator_status,
             "SERVO_OUTPUT_RAW": self._servo_output_raw,
             "ATTITUDE_TARGET": self._attitude_target,
             "STATUSTEXT": self._statustext,
@@ -187,8 +208,24 @@ class ReceivedStatus:
         except ValueError:
             self.landed = LandedState.UNKNOWN
 
-    def _flags(self, message: Message, now: Time) -> None:
-        self.ekf = message.flags
+    def _ekf_status_report(self, message: Message, now: Time) -> None:
+        m = message
+        ratios = m.pos_horiz_variance, m.pos_vert_variance, m.velocity_variance, m.compass_variance
+        self._estimate(m.flags, ratios, now)
+
+    def _estimator_status(self, message: Message, now: Time) -> None:
+        m = message
+        ratios = m.pos_horiz_ratio, m.pos_vert_ratio, m.vel_ratio, m.mag_ratio
+        self._estimate(m.flags, ratios, now)
+
+    def _estimate(self, flags: int, ratios: Iterable[float], now: Time) -> None:
+        self.ekf = flags
+        found = InnovationRatios(*(ratio if isfinite(ratio) else 0.0 for ratio in ratios))
+        self.innovations = found
+        if max(found) <= 1.0:
+            self.rejecting = None
+        elif self.rejecting is None:
+            self.rejecting = now
 
     def _servo_output_raw(self, message: Message, now: Time) -> None:
         if message.port == 0:
