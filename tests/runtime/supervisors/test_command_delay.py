@@ -44,7 +44,7 @@ def swinging(time: float, late: float, roll: float, thrust: float, noise: random
 
 def heard(
     late: float,
-    roll: float = 0.05,
+    roll: float = 0.15,
     thrust: float = 0.0,
     supervisor: CommandDelay | None = None,
     **changed: object,
@@ -60,7 +60,7 @@ def heard(
     return None, None
 
 
-@pytest.mark.parametrize(("roll", "thrust"), [(0.05, 0.0), (0.0, 0.4)])
+@pytest.mark.parametrize(("roll", "thrust"), [(0.15, 0.0), (0.0, 0.4)])
 @pytest.mark.parametrize("late", [0.06, 0.1, 0.15])
 def test_late_commands_show_in_a_swinging_vehicle(late, roll, thrust):
     alarm, time = heard(late, roll, thrust)
@@ -72,7 +72,7 @@ def test_late_commands_show_in_a_swinging_vehicle(late, roll, thrust):
     assert time < 1.0
 
 
-@pytest.mark.parametrize(("roll", "thrust"), [(0.05, 0.0), (0.0, 0.4)])
+@pytest.mark.parametrize(("roll", "thrust"), [(0.15, 0.0), (0.0, 0.4)])
 @pytest.mark.parametrize("late", [0.0, 0.03])
 def test_punctual_commands_are_not_late(late, roll, thrust):
     assert heard(late, roll, thrust) == (None, None)
@@ -148,7 +148,7 @@ def test_a_flight_with_late_commands_ends_soon_gently_and_near(run, late):
 
     flown, told = run(hovers(3.0), faults=(fault("clock_late", 4.0, by=late),), observers=(look,))
     [begun], [alarm] = named(told, "fault_injected"), named(told, "commands_late")
-    assert (alarm.time - begun.time) / NS < 2.0
+    assert (alarm.time - begun.time) / NS < 3.0
     assert named(told, "landed_hard", "collided", "fence_breached") == []
     assert most[0] < 1.5
     assert flown.summary["outcome"] == "failed"
