@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import re
+import select
 import sys
 import threading
 from collections import deque
@@ -136,7 +137,10 @@ class UnwaitedStream:
             return True
         data = memoryview(text.encode(self._stream.encoding, "replace"))
         while data:
-            data = data[os.write(self._descriptor, data) :]
+            try:
+                data = data[os.write(self._descriptor, data) :]
+            except BlockingIOError:  # another program has made the terminal non-blocking
+                select.select([], [self._descriptor], [])
         return True
 
 

@@ -33,7 +33,9 @@ _TOGETHER = (
     frozenset({"LATIN", "CJK", "HANGUL"}),
 )
 """Scripts that are written together."""
-_OF_ANY = frozenset({"COMBINING", "MODIFIER", "FEMININE", "MASCULINE", "MICRO"})
+_OF_ANY = frozenset({"COMBINING", "MODIFIER", "FEMININE", "MASCULINE", "MICRO", "Mn", "Mc", "Nd"})
+"""First words of Unicode's names, and its categories of marks and digits, that belong to every
+script."""
 
 
 def name_flaw(name: str) -> str:
@@ -56,7 +58,8 @@ def name_flaw(name: str) -> str:
         if plain.isascii():
             return f"`{character}` looks like `{plain}`: write that"
         script = unicodedata.name(character, "").partition(" ")[0]
-        if script not in _OF_ANY and not unicodedata.category(character).startswith("M"):
+        script = "CJK" if script == "IDEOGRAPHIC" else script
+        if script not in _OF_ANY and unicodedata.category(character) not in _OF_ANY:
             scripts.setdefault(script, character)
     if len(scripts) > 1 and not any(scripts.keys() <= together for together in _TOGETHER):
         (first, a), (second, b) = list(scripts.items())[:2]

@@ -271,12 +271,15 @@ class BlindBrake:
         self._is_over = False
 
     def measure(self, motion: InertialMotion) -> None:
-        """Replace velocity and acceleration by measured ones, in the axes of those at the start.
-        The brake doesn't end while this is called before each step."""
+        """Replace velocity and acceleration by measured ones, in the axes of those at the start. An
+        acceleration beyond the largest tilt, such as that of a blow, is reduced to it. The brake
+        doesn't end while this is called before each step."""
         x, y, _ = motion.velocity
         ax, ay, _ = motion.acceleration
         drag = self._airframe.drag
-        self._velocity, self._lean = self._believed(x, y), (ax + drag * x, ay + drag * y)
+        ax, ay = ax + drag * x, ay + drag * y
+        most = min(1.0, GRAVITY * tan(self._airframe.tilt) / max(hypot(ax, ay), STOPPED_SPEED))
+        self._velocity, self._lean = self._believed(x, y), (most * ax, most * ay)
         self._is_over = False
 
     @property

@@ -193,11 +193,17 @@ class FrameCheck:
         """Whether the frame was compared for so long that it was right at the take-off."""
         return self._steps >= CONFIRMING_COMPARISONS
 
+    def is_current(self, now: Time) -> bool:
+        """Whether the motion by the IMU is known up to about `now`: it is integrated to the time of
+        each pose."""
+        return now - self._since <= MAX_GAP_NS
+
     def motion(self, now: Time) -> InertialMotion:
         """Return the motion by the IMU at `now`, from rest or from the last time when the poses
-        agreed with it. Since the last samples the vehicle is taken to accelerate steadily."""
+        agreed with it. Since the last pose, for `MAX_GAP_NS` at most, the vehicle is taken to
+        accelerate steadily."""
         velocity = add(self._velocity, self._offset)
-        ahead = add(velocity, scale(self._acceleration, (now - self._since) / NS))
+        ahead = add(velocity, scale(self._acceleration, min(now - self._since, MAX_GAP_NS) / NS))
         fx, fy, _ = rotate(self._attitude, (1.0, 0.0, 0.0))
         n = hypot(fx, fy) or 1.0
         fx, fy = fx / n, fy / n

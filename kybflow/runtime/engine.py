@@ -88,7 +88,7 @@ class Engine:
         self.options, self.inputs, self.moving = options, inputs, moving
         self._believed = _views(BelievedView, vehicles)
         true, period = _views(TrueView, vehicles), clock.period / NS
-        self.judge = Judge(plan.expectations, true, self.seconds, period)
+        self.judge = Judge(plan.expectations, true, self.mission_seconds, period)
         self.flows = Flows(plan, self.vehicles, self._condition(None), events, self.options)
         requests = {vehicle.name: vehicle.requests for vehicle in self.vehicles}
         controls = RunControls(requests, options, events, self.flows.enter, self.stop)

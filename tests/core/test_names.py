@@ -17,6 +17,7 @@ GOOD = [
     "\u0e19\u0e49\u0e33", "\u10d3\u10e0\u10dd\u10dc\u10d8", "\u1264\u1275",
     "\u0bb5\u0bbf\u0b9a\u0bc8",
     "ma\u00f1ana", "\u0131\u015f\u0131k", "\u0111\u1ed3ng",
+    "\u4f50\u3005\u6728", "\u0631\u0628\u0627\u062a\u0661", "\u067e\u0647\u067e\u0627\u062f\u06f1",
 ]  # fmt: skip
 BAD = {
     "n\u0430no": "it mixes Latin (`n`) and Cyrillic letters (`\u0430`)",

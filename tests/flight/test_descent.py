@@ -259,3 +259,9 @@ def test_over_all_seeds():
     ]
     assert max(f.speed for f in falls) < 1.5
     assert max(f.climbed for f in falls) < 0.01
+
+
+def test_a_measured_blow_leans_no_more_than_the_airframe():
+    brake = BlindBrake((0.0, 0.0), (0.0, 0.0), AIRFRAME)
+    brake.measure(InertialMotion((0.0, 0.0, 0.0), (60.0, 0.0, 0.0)))
+    assert brake.lean == pytest.approx(cos(AIRFRAME.tilt))

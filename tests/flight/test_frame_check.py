@@ -243,6 +243,9 @@ def test_the_velocity_is_what_the_imu_integrates_to_in_the_heading_of_the_vehicl
     assert ahead == pytest.approx(x * sin(-turned), abs=0.1)
     assert left == pytest.approx(-x * cos(turned), abs=0.1)
     assert up == pytest.approx(z, abs=0.1)
+    soon, late = (149 * NS // 100 + age for age in (NS // 20, 2 * NS))
+    assert (check.is_current(soon), check.is_current(late)) == (True, False)
+    assert check.motion(late) == check.motion(late + 2 * NS)
 
 
 def test_wrong_poses_hardly_change_the_velocity_by_the_imu():

@@ -300,7 +300,8 @@ def test_options_of_the_command_line_reach_the_part_and_the_record(run):
         vehicle("a", [up("jump"), jump, down()], hover_limit=1.0), options=options, time_limit=9.0
     )
     assert named(told, "option_changed")[0].fields["by"] == "command line"
-    assert named(told, "position_error_exceeded")[0].fields["bound"] == pytest.approx(0.2)
+    # soon after lift-off the limit is 1.6 times as large
+    assert named(told, "position_error_exceeded")[0].fields["bound"] == pytest.approx(0.32)
 
 
 def test_an_option_reaches_a_living_estimator(run):

@@ -26,7 +26,8 @@ FIRST_TIMEOUT_NS: Time = 6 * NS
 FURTHER_TIMEOUT_NS: Time = 3 * NS // 2
 """How much longer to wait for further autopilots."""
 ASKING_SYSTEMS = (246, 247, 248)
-"""Our system ids for discovery; the first that nobody else has is used."""
+"""Our system ids for discovery; the first that is neither the run's nor the one that is looked for
+is used."""
 HEARTBEAT_TIMEOUT_NS: Time = 5 * NS
 """An autopilot that has sent no heartbeat for this long counts as gone."""
 

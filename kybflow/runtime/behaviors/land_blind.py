@@ -126,7 +126,8 @@ class LandBlind(
             ax, ay, _ = (entry.setpoint and entry.setpoint.acceleration) or ZERO
             if entry.late and entry.estimate is not None:
                 ux, uy, uz = body_z(entry.estimate.attitude)
-                ax, ay = GRAVITY * ux, GRAVITY * uy
+                drag = entry.context.airframe.drag
+                ax, ay = GRAVITY * ux - drag * vx, GRAVITY * uy - drag * vy
                 if entry.imu is not None:
                     climb += _CLIMB_LAG_S * (uz * entry.imu.specific_force[2] - GRAVITY)
             self._heading = entry.heading if known is None else heading_of(known.attitude)
@@ -151,7 +152,7 @@ class LandBlind(
         leant, pull = self._brake.lean, self._brake.step(tick.dt)
         if self._descent is not None and self._landed(self._descent, tick, leant):
             return Done(IDLE)
-        if self._late and self._stands(tick.estimate):
+        if self._late and tick.wrong_frame is None and self._stands(tick.estimate):
             return Done(IDLE)
         if self._descent is None and tick.elapsed >= self.params.time_bound:
             known = tick.estimate

@@ -10,19 +10,17 @@ with the command u. About body x and y, with the gains of the on-board loop
 
     u = tilt commanded + D/P H rate commanded,    y = integral of w + D/P H w + w' / P,
 
-so that y = u after the rotors' lag, whatever estimator the tilt is commanded from: wind moves the vehicle without turning it, and torques are
-seldom in step with u. Along body z, u is the commanded thrust over the weight, y the specific force
-over g. u is first delayed by what the driver declares. In the band around 1 / `_BAND_S`, in which
-these loops oscillate, the excess L and an error k of the amplitude (of the mass, or where rotors
-saturate) follow from the regression, averaged over `_AVERAGING_S`,
-
-    y(t) = (1 + k) u(t - L)  or nearly  y - u = k u - L u'
-
-In an oscillation of the frequency f this finds sin(f L) / f: somewhat too little, but never less
-than zero, since an oscillating loop lags by less than half a turn. L counts if it is above the
-bound for long enough, if u moves, and if L explains enough of what k u does not explain of y - u,
-which it doesn't of noise and gusts. Vertically, where rotors shake the accelerometer, u must move
-more. On the floor, which may hold the vehicle, nothing is judged.
+so that y = u after the rotors' lag, whatever estimator the tilt is commanded from: wind moves the
+vehicle without turning it, and torques are seldom in step with u. Along body z, u is the commanded
+thrust over the weight, y the specific force over g. u is first delayed by what the driver declares.
+In the band around 1 / `_BAND_S`, in which these loops oscillate, the excess L and an error k of the
+amplitude (of the mass, or where rotors saturate) follow from the regression, averaged over
+`_AVERAGING_S`, y(t) = (1 + k) u(t - L) or nearly y - u = k u - L u' In an oscillation of the
+frequency f this finds sin(f L) / f: somewhat too little, but never less than zero, since an
+oscillating loop lags by less than half a turn. L counts if it is above the bound for long enough,
+if u moves, and if L explains enough of what k u does not explain of y - u, which it doesn't of
+noise and gusts. Vertically, where rotors shake the accelerometer, u must move more. On the floor,
+which may hold the vehicle, nothing is judged.
 
 In flights of four airframes with margins of 51 to 58 ms (hovering, on an eight, landing), commands
 that are 30 ms late were never taken for late. 100 ms were noticed after 1 to 2.8 s, and 60 ms,

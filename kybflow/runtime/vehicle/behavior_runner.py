@@ -321,7 +321,8 @@ class BehaviorRunner:
             override = self._link.override
             if override is not None and override.lands:
                 return True
-        return bool(self._refusal(tick.estimate, tick.now, is_pushed=self._is_pushed(tick)))
+        known = tick.estimate if tick.wrong_frame is None else None
+        return bool(self._refusal(known, tick.now, is_pushed=self._is_pushed(tick)))
 
     def _is_pushed(self, tick: Tick) -> bool:
         """Return whether the last command or setpoint would make the vehicle descend if it were in

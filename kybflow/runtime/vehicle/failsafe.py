@@ -284,8 +284,8 @@ class Failsafe:
 
     @property
     def has_returned(self) -> bool:
-        """Whether a braking alarm has returned soon after its release."""
-        return self._returns > 0
+        """Whether a braking alarm has returned soon after its release, and brakes again."""
+        return bool(self._braking) and self._returns > 0
 
     def release(self, tick: Tick) -> bool:
         """End the brake if its alarms have been silent for long enough; return whether it ended."""

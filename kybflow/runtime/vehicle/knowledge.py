@@ -340,14 +340,16 @@ class TickBuilder:
         entered at `entered`."""
         self.fleet = fleet
         knowledge, link = self._knowledge, self._knowledge.link_in
-        wrong = knowledge.frame.wrong
+        frame, wrong = knowledge.frame, knowledge.frame.wrong
         return made(
             Tick,
             (
                 now, dt, (now - entered) / NS, knowledge.estimate, knowledge.battery,
                 self._control.followed, fleet, knowledge.imu, link.age, link.delay,
                 knowledge.payload.state, self._inputs, self._neighbours, self._moving,
-                wrong, None if wrong is None else knowledge.frame.motion(now), link.rejection,
+                wrong,
+                frame.motion(now) if wrong is not None and frame.is_current(now) else None,
+                link.rejection,
                 self._link_out.sent,
             ),
         )  # fmt: skip

@@ -112,7 +112,7 @@ def test_a_refusal_without_a_word(result: int, word: str) -> None:
     peer.sent(0)
     peer.answer(ARM, result, 1)
     peer.sent(400)
-    assert request.words == f"refused ({word})for an unknown reason"
+    assert request.words == f"refused ({word}), for an unknown reason"
 
 
 def test_two_commands_wait_at_once() -> None:

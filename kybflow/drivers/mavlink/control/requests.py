@@ -171,7 +171,7 @@ class CommandRequests:
         """End the request if it was refused or has timed out."""
         if request.refusal:
             texts = self._status.words(request.asked)
-            why = f": {texts}" if texts else "for an unknown reason"
+            why = f": {texts}" if texts else ", for an unknown reason"
             request.end("refused", f"refused ({request.refusal}){why}")
         elif request.is_in_progress:
             request.end("silent", f"{name_of(request.command)} began, but its end was not reported")
