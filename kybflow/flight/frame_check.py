@@ -104,6 +104,9 @@ blow is in all comparisons of 2 h, so that as many more in a row must show a wro
 MAX_SAMPLE_S, MAX_GAP_NS, MOST_SAMPLES = 0.045, NS // 8, 64
 """Longest interval of IMU samples of which the integral is exact enough, s: autopilots send 25 a
 second. Longest gap between samples, ns. How many are kept until the next pose."""
+MAX_SPIN = 3.0
+"""Turn rate about body z, rad/s, above which the integral is not exact enough to judge by, such as
+that of a vehicle with a weak rotor."""
 BLOW_FORCE = 3.0 * GRAVITY
 """Specific force, m/s^2, of a blow that samples don't resolve."""
 MAX_BIAS = 1.5
@@ -240,7 +243,11 @@ class FrameCheck:
             self._begin()
         if self.wrong is not None:
             self._move(angle, gained, seconds)
-        elif not 0.5 * elapsed < seconds * NS < 2.0 * elapsed or self._jolted:
+        elif (
+            not 0.5 * elapsed < seconds * NS < 2.0 * elapsed
+            or self._jolted
+            or abs(angle[2]) > MAX_SPIN * seconds
+        ):
             self._begin()
             self._attitude = multiply(pose.attitude, self._levelled)
         elif self.is_judged:
@@ -311,7 +318,7 @@ class FrameCheck:
         self._attitude = multiply(pose.attitude, self._levelled)
 
     def _begin(self) -> None:
-        """Restart: poses jumped, samples are missing, or a blow was not resolved."""
+        """Restart: poses jumped, samples are missing, a blow was not resolved, or it spins."""
         self._moments.clear()
         self._agrees, self._upward, self._across = False, 0, 0
 

@@ -375,7 +375,7 @@ class Reactions:
             return False
         reaction = self._failsafe.decide(raised, tick, airborne, runner.machine.state)
         if reaction is None:
-            return False
+            return self._takes_over(raised.alarm, tick)
         if raised.alarm.is_failure:
             self._score.failure(raised.alarm.reason)
         response = RESPONSES[reaction]
@@ -397,6 +397,17 @@ class Reactions:
                 # the vehicle's own land mode wouldn't notice another vehicle or an edge below
                 if own is None or what_is_below(context, own.position, tick.fleet) is None:
                     runner.start_land_mode(tick.now)
+        return True
+
+    def _takes_over(self, alarm: Alarm, tick: Tick) -> bool:
+        """Land a vehicle blind whose own land mode, started by an earlier alarm, turns out to
+        follow wrong positions; return whether that changed anything."""
+        runner, is_misled = self._runner, tick.wrong_frame is not None and self._link.tells_position
+        in_mode = runner.land_mode is not None and self._failsafe.latched is Reaction.LAND_BLIND
+        if not (is_misled and in_mode):
+            return False
+        self._score.failure(alarm.reason)
+        runner.enter_built_in(LAND_BLIND)
         return True
 
     def alarm(self, label: str, alarm: Alarm, tick: Tick) -> bool:

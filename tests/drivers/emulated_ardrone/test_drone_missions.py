@@ -100,7 +100,7 @@ def test_a_flood_of_acts_is_answered_and_ten_a_second_are_passed_on(tmp_path):
     commands = (asked(9.0 + 1e-4 * i, "perform a leds_fire") for i in range(300))
     _, told, _ = flight(tmp_path, *commands, asked(10.5, "perform a leds_red"))
     _, *flood, last = answers(told)
-    why = "it was asked for 10 acts within a second"
+    why = "it was already asked for 10 acts within a second"
     assert flood == [("leds_fire", None)] * 10 + [("leds_fire", why)] * 290
     assert last == ("leds_red", None)
 

@@ -8,11 +8,14 @@ from math import hypot
 from pathlib import Path
 
 import pytest
+from short_flights import NoParams
 from toolchain import compiled
 
 from kybflow.api.flight import RunRequest, fly
 from kybflow.core.geometry import GRAVITY
-from kybflow.core.signals import NS, Imu
+from kybflow.core.signals import NS, Alarm, Event, Imu, Reaction, Tick
+from kybflow.dsl.plan import PartPlan
+from kybflow.parts import Supervisor
 from kybflow.runtime import engine as engine_module
 from kybflow.runtime.estimators.mocap import Mocap
 
@@ -83,6 +86,36 @@ def test_it_comes_down_near_its_start_and_gently(
     assert alarm.fields["reason"] in run.summary["reason"]
     assert any(-0.1 < sent - alarm.time / NS <= 0.0 for sent in poses)
     assert not any(0.02 < sent - alarm.time / NS < 1.0 for sent in poses)
+
+
+class Hasty(Supervisor[NoParams]):
+    """Requests a blind landing at the first decimetre, before any frame can be judged."""
+
+    events = ("hasty",)
+
+    def check(self, tick: Tick, off_ground: bool) -> Alarm | None:
+        if tick.estimate is None or tick.estimate.position[2] < 0.1:
+            return None
+        return Alarm("hasty", Reaction.LAND_BLIND, "at the first decimetre")
+
+
+def test_a_land_mode_that_turns_out_to_follow_wrong_poses_is_left(tmp_path: Path) -> None:
+    text = MISSION.format(autopilot="px4", rule=MIRRORED)
+    plan = compiled(tmp_path / "wrong.yaml", text, target="flown", warns=True)
+    [own] = plan.vehicles
+    hasty = PartPlan("hasty", Hasty, NoParams(), "supervisors.hasty")
+    plan = replace(plan, vehicles=(own.but(supervisors=(*own.supervisors, hasty)),))
+    told: list[Event] = []
+    run = fly(plan, RunRequest(out=tmp_path / "run"), (told.append,))
+    names = [event.name for event in told]
+    begun, found = names.index("land_mode_started"), names.index("mocap_frame_wrong")
+    assert names.index("hasty") < begun < found
+    entered = [e for e in told[found:] if e.fields.get("behavior") == "land_blind"]
+    assert "behavior_started" in {event.name for event in entered}
+    assert names.count("land_mode_started") == 1
+    assert told[found].fields["reason"] in run.summary["reason"]
+    assert run.summary["vehicles"]["a"]["final"] == "ground"
+    assert not {"landed_hard", "collided"} & set(names)
 
 
 def test_samples_that_only_the_check_needs_are_not_shown_to_estimators(
