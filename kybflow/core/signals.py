@@ -493,6 +493,11 @@ class Tick(NamedTuple):
     rejection: str | None = None
     command: Command | None = None
 
+    @property
+    def sound_estimate(self) -> Estimate | None:
+        """The estimate, None if there is none or the frame of its poses is wrong."""
+        return self.estimate if self.wrong_frame is None else None
+
     def known(self) -> Estimate:
         """Return the estimate. Raises EstimateMissing if there is none."""
         if self.estimate is None:

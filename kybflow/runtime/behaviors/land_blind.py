@@ -152,7 +152,7 @@ class LandBlind(
         leant, pull = self._brake.lean, self._brake.step(tick.dt)
         if self._descent is not None and self._landed(self._descent, tick, leant):
             return Done(IDLE)
-        if self._late and tick.wrong_frame is None and self._stands(tick.estimate):
+        if self._late and self._stands(tick.sound_estimate):
             return Done(IDLE)
         if self._descent is None and tick.elapsed >= self.params.time_bound:
             known = tick.estimate

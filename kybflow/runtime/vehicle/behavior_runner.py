@@ -321,8 +321,7 @@ class BehaviorRunner:
             override = self._link.override
             if override is not None and override.lands:
                 return True
-        known = tick.estimate if tick.wrong_frame is None else None
-        return bool(self._refusal(known, tick.now, is_pushed=self._is_pushed(tick)))
+        return bool(self._refusal(tick.sound_estimate, tick.now, is_pushed=self._is_pushed(tick)))
 
     def _is_pushed(self, tick: Tick) -> bool:
         """Return whether the last command or setpoint would make the vehicle descend if it were in

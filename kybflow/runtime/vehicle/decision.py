@@ -165,8 +165,7 @@ class Decision:
         if runner.land_mode is not None:
             control.rest()
             try:
-                known = tick.estimate if tick.wrong_frame is None else None
-                landed = runner.has_landed(tick.now, known)
+                landed = runner.has_landed(tick.now, tick.sound_estimate)
             except Refused as refusal:  # the current state lands it
                 refused = LandModeRefused(reason=str(refusal))
                 self._events.emit(refused, self._plan.name, self._plan.driver.at)
