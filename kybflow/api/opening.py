@@ -17,7 +17,7 @@ from kybflow.core.signals import Sticks
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.entry_values import OF_ENTRIES, OF_OPTIONS
 from kybflow.dsl.diagnostics import Diagnostic, Findings, Severity, Span
-from kybflow.dsl.expanding.flows import entry_values, with_value
+from kybflow.dsl.expanding.flows import entry_values, with_options
 from kybflow.dsl.expanding.world import Points
 from kybflow.dsl.language.records import Source
 from kybflow.dsl.plan import InputPlan, PartPlan, Plan, Values, VehiclePlan
@@ -316,14 +316,11 @@ class OptionJudge:
         self._plan = plan
 
     def __call__(self, vehicle: str, label: str, field: Field, value: Any) -> str | None:
-        own = self._plan.fleet[vehicle]
-        part = next((part for part in own.parts if part.label == label), None)
-        if part is None:
+        option = (vehicle, label, field, value)
+        changed = with_options(self._plan, (option,), nodes.Scalar("", _HERE))
+        if changed is None:
             return None
-        node = nodes.Scalar("", _HERE)
-        changed = own.with_part(with_value(part, field, value, node))
-        fleet = tuple(changed if own is one else one for one in self._plan.vehicles)
-        case = Case(self._plan.but(vehicles=fleet), Catalog({}))
+        case = Case(changed, Catalog({}))
         found = (f for check in OF_OPTIONS for f in check(case))
         wrong = (f for f in found if f.span == _HERE and f.severity is Severity.ERROR)
         first = next(wrong, None)

@@ -123,25 +123,25 @@ class UnwaitedStream:
                     return
                 text = self._waiting.popleft()
             try:
-                is_open = is_open and self._written(text)
+                if is_open:
+                    self._put(text)
             except OSError:
                 is_open = False
             with self._changed:
                 self._size -= len(text)
 
-    def _written(self, text: str) -> bool:
+    def _put(self, text: str) -> None:
         """Write to the descriptor, if there is one. Python's own buffer has a lock, and while this
         thread held it, the main thread could neither print nor exit."""
         if self._descriptor is None:
             self._stream.write(text)
-            return True
+            return
         data = memoryview(text.encode(self._stream.encoding, "replace"))
         while data:
             try:
                 data = data[os.write(self._descriptor, data) :]
             except BlockingIOError:  # another program has made the terminal non-blocking
                 select.select([], [self._descriptor], [])
-        return True
 
 
 _MOST_WAITING = 1 << 18

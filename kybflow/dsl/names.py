@@ -60,6 +60,12 @@ class Option(NamedTuple):
     field: Field
     declared: Any
 
+    @property
+    def place(self) -> tuple[str, str]:
+        """The vehicle's name and the part's label."""
+        vehicle, _, rest = self.name.partition(".")
+        return vehicle, rest.rpartition(".")[0]
+
 
 def unknown_vehicle(
     code: str, name: Text, plan: Plan, start: int = 0, end: int | None = None

@@ -905,6 +905,10 @@ class Plan(Shared):
         """The vehicles by name."""
         return {vehicle.name: vehicle for vehicle in self.vehicles}
 
+    def with_vehicles(self, changed: dict[str, VehiclePlan]) -> Plan:
+        """Return the plan with these vehicles in place of those that have their names."""
+        return self.but(vehicles=tuple(changed.get(own.name, own) for own in self.vehicles))
+
     def members(self, name: str) -> tuple[str, ...]:
         """Return the vehicles that a name stands for: the vehicle of this name, or those of the
         group; empty for an unknown name."""

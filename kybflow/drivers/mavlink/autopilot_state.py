@@ -343,10 +343,7 @@ class LineCapacity:
         params = self._params
         sent, way_out = {"SET_POSITION_TARGET_LOCAL_NED": params.rate}, "a lower `rate`"
         if params.position == "outside":
-            sent["ODOMETRY"], way_out = (
-                params.vision_rate,
-                "a lower `rate` and `vision_rate`",
-            )
+            sent["ODOMETRY"], way_out = params.vision_rate, "a lower `rate` and `vision_rate`"
         load = self._load(sent)
         found = f"{load:.0f} bytes a second are sent to it, the line carries {self.line:.0f}"
         if load <= SENT_SHARE * self.line:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 from kybflow.dsl.checks.actions import sets_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
-from kybflow.dsl.expanding.flows import entered_states, valued_requests, with_value
+from kybflow.dsl.expanding.flows import entered_states, valued_requests, with_options
 from kybflow.dsl.names import option_values
 from kybflow.dsl.plan import Plan
 
@@ -77,17 +77,13 @@ def _found_with_values(plan: Plan, catalog: Catalog) -> Iterator[Diagnostic]:
         entered = dict(entered_states(plan, asked))
         if not entered:
             continue
-        vehicles = tuple(
-            vehicle.but(
-                states={**vehicle.states, entered[vehicle.name].name: entered[vehicle.name]}
-            )
-            if vehicle.name in entered
-            else vehicle
-            for vehicle in plan.vehicles
-        )
+        vehicles = {
+            name: plan.fleet[name].but(states={**plan.fleet[name].states, state.name: state})
+            for name, state in entered.items()
+        }
         source = asked.request.source
         note = f"with the values at {source.span.at}"
-        for finding in _found(Case(plan.but(vehicles=vehicles), catalog)):
+        for finding in _found(Case(plan.with_vehicles(vehicles), catalog)):
             is_there = finding.span.is_in(source.node.span)
             yield finding if is_there else replace(finding, notes=(*finding.notes, note))
 
@@ -97,14 +93,9 @@ def _found_at_sets(case: Case) -> Iterator[Diagnostic]:
     mission is checked as if the value were written where the part is declared; what is then found
     elsewhere than at this value is left out, because the option doesn't have it from the start."""
     for name, node in sets_of(case):
-        vehicles = {}
-        for option, value in option_values(name, node, case.plan, case.catalog, Findings()):
-            vehicle, _, label = option.name.removesuffix(f".{option.field.name}").partition(".")
-            own = case.plan.fleet[vehicle]
-            part = next((part for part in own.parts if part.label == label), None)
-            if part is not None:  # not of a built-in state
-                vehicles[vehicle] = own.with_part(with_value(part, option.field, value, node))
-        if vehicles:
-            fleet = tuple(vehicles.get(own.name, own) for own in case.plan.vehicles)
-            found = _found(Case(case.plan.but(vehicles=fleet), case.catalog))
+        values = option_values(name, node, case.plan, case.catalog, Findings())
+        options = ((*option.place, option.field, value) for option, value in values)
+        changed = with_options(case.plan, options, node)
+        if changed is not None:
+            found = _found(Case(changed, case.catalog))
             yield from (one for one in found if one.span.is_in(node.span))

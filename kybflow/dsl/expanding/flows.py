@@ -7,7 +7,7 @@ replace only parameters of a state; the state keeps its transitions.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -244,10 +244,20 @@ def with_values(part: PartPlan, written: Node, values: Values) -> PartPlan:
     return part.but(params=replace(part.params, **dict(values)), source=place)
 
 
-def with_value(part: PartPlan, field: Field, value: Any, node: Node) -> PartPlan:
-    """Return the part with another value (SI) of one parameter, as if `node` stood there."""
-    entry = MappingEntry(Scalar(field.key, node.span), node)
-    return with_values(part, Mapping({field.key: entry}, node.span), ((field.name, value),))
+def with_options(
+    plan: Plan, options: Iterable[tuple[str, str, Field, Any]], node: Node
+) -> Plan | None:
+    """Return the plan as if it declared other values of options, at `node`; None if all of them
+    belong to built-in states. options: (vehicle, label of the part, parameter, value in SI)."""
+    changed: dict[str, VehiclePlan] = {}
+    for vehicle, label, field, value in options:
+        own = plan.fleet[vehicle]
+        written = Mapping({field.key: MappingEntry(Scalar(field.key, node.span), node)}, node.span)
+        part = next((part for part in own.parts if part.label == label), None)
+        if part is not None:
+            part = with_values(part, written, ((field.name, value),))
+            changed[vehicle] = own.with_part(part)
+    return plan.with_vehicles(changed) if changed else None
 
 
 def entered_states(plan: Plan, asked: ValuedRequest) -> Iterator[tuple[str, StatePlan]]:
