@@ -182,7 +182,8 @@ class Scopes:
             for name, members in plan.groups.items()
         }
         carriers = frozenset(v.name for v in vehicles if v.payload is not None)
-        self._known = (estimators, plan.points, groups, carriers)
+        obstacles = dict.fromkeys(plan.touchable, False) | dict.fromkeys(plan.kept_clear, True)
+        self._known = (estimators, plan.points, groups, carriers, obstacles)
         self._inputs = {use.name: use.axes for use in plan.inputs}
         self._conditions: dict[str | None, Scope] = {}
         self._health = {own: Scope("health", {}, own) for own in fleet}

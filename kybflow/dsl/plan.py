@@ -916,6 +916,11 @@ class Plan(Shared):
             return (name,)
         return tuple(member for member in self.groups.get(name, ()) if member in self.fleet)
 
+    @functools.cached_property
+    def kept_clear(self) -> tuple[str, ...]:
+        """The obstacles that vehicles keep away from."""
+        return tuple(n for n in (*self.obstacles, *self.moving) if n not in self.touchable)
+
     def tracked_by(self, moving: str) -> tuple[VehiclePlan, PartPlan, Any] | None:
         """Return the first sensor that can track a moving obstacle: its vehicle, the part, and the
         part's parameters for tracking. None if there is no such sensor."""

@@ -51,6 +51,11 @@ class State(Protocol):
         """The attitude, body to world."""
 
 
+class Solid(Protocol):
+    def distance(self, p: Vec3) -> float:
+        """Return the distance from the surface to `p`, metres; negative inside."""
+
+
 class View(Protocol):
     """The values of one vehicle that observables read. A property raises Unavailable while its
     value is unknown."""
@@ -104,6 +109,15 @@ class View(Protocol):
     def payload_place(self) -> Vec3:
         """The position of the payload's centre in the world frame, metres; Unavailable outside a
         simulator."""
+
+    @property
+    def hull(self) -> float:
+        """The distance from the vehicle's centre to the tips of its rotors, metres."""
+
+    def obstacle(self, name: str) -> Solid:
+        """Return where an obstacle is: in a condition, a moving one is believed to be where it was
+        seen last, and grows until it is seen again; in an expectation, it is where the simulator
+        has it, if there is one. Unavailable before the obstacle was seen."""
 
     @property
     def releases(self) -> int:

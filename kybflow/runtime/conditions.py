@@ -82,10 +82,18 @@ def value_of(
         case tree.MissionTime():
             return now
         case tree.Distance(a, b):
-            here, there = _point_of(a, views, own), _point_of(b, views, own)
+            if a.obstacle is not None:
+                a, b = b, a
+            here = _point_of(a, views, own)
+            if b.obstacle is not None:
+                view, obstacle = views[a.vehicle or own or next(iter(views))], b.obstacle
+                return lambda: view.obstacle(obstacle).distance(here())
+            there = _point_of(b, views, own)
             return lambda: distance(here(), there())
-        case tree.Separation(vehicles):
-            return _separation([views[vehicle] for vehicle in vehicles])
+        case tree.Separation(vehicles, obstacles):
+            return _separation([views[vehicle] for vehicle in vehicles], obstacles)
+        case tree.Clearance(vehicle, obstacles):
+            return _clearance(views[vehicle], obstacles)
     raise TypeError(f"{type(value).__name__} is not a value of one tick")
 
 
@@ -155,9 +163,21 @@ def _point_of(
     return lambda: view.state.position
 
 
-def _separation(views: list[View]) -> Callable[[], float]:
+def _separation(views: list[View], obstacles: tuple[str, ...]) -> Callable[[], float]:
     def smallest() -> float:
         positions = [view.state.position for view in views]
-        return min(distance(a, b) for a, b in combinations(positions, 2))
+        apart = [distance(a, b) for a, b in combinations(positions, 2)]
+        for name in obstacles:
+            solid = views[0].obstacle(name)
+            apart += [solid.distance(position) for position in positions]
+        return min(apart)
+
+    return smallest
+
+
+def _clearance(view: View, obstacles: tuple[str, ...]) -> Callable[[], float]:
+    def smallest() -> float:
+        position = view.state.position
+        return min(view.obstacle(name).distance(position) for name in obstacles) - view.hull
 
     return smallest

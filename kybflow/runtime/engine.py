@@ -34,7 +34,7 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Judge
 from kybflow.runtime.fleet.callbacks import Callbacks, RunControls
 from kybflow.runtime.fleet.flows import Flows
-from kybflow.runtime.fleet.ground_truth import Excursions, Impacts, PayloadDrops
+from kybflow.runtime.fleet.ground_truth import Clearances, Excursions, Impacts, PayloadDrops
 from kybflow.runtime.fleet.injection import Injection
 from kybflow.runtime.fleet.inputs import Inputs
 from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
@@ -109,6 +109,7 @@ class Engine:
         self.injection = Injection(plan.faults, active, self._condition, events, seed)
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable)
         self.excursions = Excursions(self.vehicles, plan.fence, events)
+        self.clearances = Clearances(self.vehicles, true, plan.kept_clear)
         self.drops = PayloadDrops(self.vehicles, events)
         self._ticks = TickCount(clock)
         self._next_look: Time = 0
@@ -203,6 +204,7 @@ class Engine:
         if self.clock.now >= self._next_look:
             self._next_look = self.clock.now + _OBSERVED_EVERY
             self.excursions.step()
+            self.clearances.step()
             self.drops.step()
             if self._ticks.update() and self._ticks.share < MIN_TICK_SHARE:
                 self._report_late(self.clock.now)

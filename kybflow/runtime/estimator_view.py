@@ -10,7 +10,7 @@ from math import inf
 from typing import Any, Protocol
 
 from kybflow.core.signals import Estimate
-from kybflow.parts.observables import Unavailable
+from kybflow.parts.observables import Solid, Unavailable
 
 
 class _Estimating(Protocol):
@@ -39,5 +39,8 @@ class EstimatorView:
         raise Unavailable
 
     state = wanted = battery = behavior = estimator = elapsed = airborne = property(_never)
-    start = property(_never)
+    start = hull = property(_never)
     payload = payload_place = releases = sticks = property(_never)
+
+    def obstacle(self, name: str) -> Solid:
+        raise Unavailable

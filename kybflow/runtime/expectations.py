@@ -303,8 +303,10 @@ def _flies(value: Any, views: Mapping[str, View]) -> Callable[[], bool]:
             names: tuple[str | None, ...] = (vehicle,)
         case tree.Distance(a, b):
             names = (a.vehicle, b.vehicle)
-        case tree.Separation(vehicles):
+        case tree.Separation(vehicles, _):
             names = vehicles
+        case tree.Clearance(vehicle, _):
+            names = (vehicle,)
         case _:
             names = ()
     seen = [views[name] for name in names if name is not None]

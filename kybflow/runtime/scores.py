@@ -93,6 +93,7 @@ class VehicleScore:
         self.behaviors: list[BehaviorScore] = []
         self.estimators: list[EstimatorInterval] = []
         self.min_battery: float | None = None
+        self.min_clearance: float | None = None
         self.failures: list[str] = []
         self.flights: list[tuple[float, float | None]] = []
         self.foreign_commands: list[str] = []
@@ -133,6 +134,11 @@ class VehicleScore:
         if self.min_battery is None or remaining < self.min_battery:
             self.min_battery = remaining
 
+    def clearance(self, metres: float) -> None:
+        """Add the distance of the rotor tips from the nearest obstacle."""
+        if self.min_clearance is None or metres < self.min_clearance:
+            self.min_clearance = metres
+
     def record(self) -> dict[str, Any]:
         """Return the vehicle's figures in `summary.json`."""
         return {
@@ -147,6 +153,7 @@ class VehicleScore:
                 {"name": use.name, "start_s": rounded(use.start_s)} for use in self.estimators
             ],
             "min_battery": None if self.min_battery is None else rounded(self.min_battery),
+            "min_clearance_m": None if self.min_clearance is None else rounded(self.min_clearance),
             "foreign_commands": self.foreign_commands,
         }
 

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Battery, Estimate, PayloadState, Setpoint, Sticks
-from kybflow.parts.observables import State, Unavailable
+from kybflow.flight.avoidance.surroundings import grown
+from kybflow.parts.observables import Solid, State, Unavailable
+from kybflow.world.shapes import Sphere
 
 if TYPE_CHECKING:
     from kybflow.runtime.vehicle.vehicle import Vehicle
@@ -80,6 +82,20 @@ class BelievedView:
         raise Unavailable
 
     @property
+    def hull(self) -> float:
+        return self._vehicle.context.airframe.hull
+
+    def obstacle(self, name: str) -> Solid:
+        shape = self._vehicle.context.obstacles.get(name)
+        if shape is not None:
+            return shape
+        seen = self._vehicle.moving.get(name)
+        if seen is None:
+            raise Unavailable
+        known = grown(seen, self._vehicle.now)
+        return Sphere(known.position, known.radius)
+
+    @property
     def releases(self) -> int:
         return self._vehicle.knowledge.payload.releases
 
@@ -104,6 +120,12 @@ class TrueView(BelievedView):
     @property
     def state(self) -> State:
         return self._vehicle.truth or super().state
+
+    def obstacle(self, name: str) -> Solid:
+        ball = self._vehicle.context.moving.get(name)
+        if ball is None or self._vehicle.truth is None:
+            return super().obstacle(name)
+        return Sphere(ball.at(self._vehicle.now / NS), ball.radius)
 
     @property
     def payload_place(self) -> Vec3:

@@ -190,7 +190,11 @@ def test_mistakes(words: str, code: str, message: str, marked: str) -> None:
             "statistics can't be joined with `and`, `or` or `not`",
         ),
         ("max(a.behavior) < 3", "KYB212", "there is no statistic of `a.behavior`"),
-        ("always separation(a) > 1 m", "KYB212", "a separation needs two vehicles"),
+        (
+            "always separation(a) > 1 m",
+            "KYB212",
+            "a separation needs two vehicles, or a vehicle and an obstacle",
+        ),
         (
             "min(separation(all) in eight) > 1 m",
             "KYB212",

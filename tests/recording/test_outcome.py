@@ -37,6 +37,8 @@ def flown_score() -> Score:
     mk.battery(0.95)
     mk.battery(0.93)
     mk.battery(0.94)
+    mk.clearance(0.25)
+    mk.clearance(0.5)
     return score
 
 
@@ -87,6 +89,7 @@ def test_the_summary_has_the_documented_shape():
                 "behaviors": behaviors,
                 "estimators": [{"name": "mocap", "start_s": 0.0}],
                 "min_battery": 0.93,
+                "min_clearance_m": 0.25,
                 "foreign_commands": [],
             }
         },

@@ -9,13 +9,17 @@ from kybflow.core.units import LENGTH
 from kybflow.dsl.diagnostics import Span, Text
 from kybflow.dsl.expressions import Aggregate, Compare, Quantity, Read, Scope, parse
 from kybflow.runtime.conditions import reader_of
+from kybflow.world.shapes import Cylinder, Sphere
 
 VEHICLES = {"a": ("up", "hover"), "b": ("up", "hover"), "c": ("up",)}
 
 
-def asked(words: str, now: float = 0.0, **views: FakeView) -> bool:
+SCOPE = Scope("condition", VEHICLES, "a")
+
+
+def asked(words: str, scope: Scope = SCOPE, now: float = 0.0, **views: FakeView) -> bool:
     text = Text(words, Span("m.yaml", 1, 1, 1, 1 + len(words)))
-    expression, findings = parse(text, Scope("condition", VEHICLES, "a"))
+    expression, findings = parse(text, scope)
     assert findings == []
     assert expression is not None
     return reader_of(expression, {"a": FakeView(), **views}, "a", lambda: now)()
@@ -42,6 +46,35 @@ def asked(words: str, now: float = 0.0, **views: FakeView) -> bool:
 )
 def test_own_values(words: str, holds: bool) -> None:
     assert holds == asked(words, a=FakeView(position=(0.0, 0.0, 2.0)))
+
+
+POLE, BALL = Cylinder((1.0, 0.0, 0.0), 0.25, 2.0), Sphere((0.0, 2.0, 1.0), 0.5)
+
+
+@pytest.mark.parametrize(
+    ("words", "holds"),
+    [
+        ("distance(a to pole) == 75 cm", True),  # from its surface
+        ("distance(world.obstacles.pole to a) == 75 cm", True),
+        ("distance(start to ball) > 1.7 m", True),
+        ("distance([1 0 1] to pole) == -25 cm", True),  # inside
+        ("clearance(a) == 65 cm", True),  # from the tips of its rotors
+        ("clearance(b) > 2.2 m", True),  # not from `bar`, which may be touched
+        ("separation(a and b) == 2 m", True),
+        ("separation(a and b and pole) == 75 cm", True),
+        ("separation(all and bar) == 0 m", True),
+        ("separation(a and ball) == 1.5 m", True),
+        ("distance(a to unseen) > 0 m", False),
+        ("not clearance(a) > 1 m", True),
+    ],
+)
+def test_distances_from_obstacles(words: str, holds: bool) -> None:
+    solids = {"pole": POLE, "ball": BALL, "bar": Sphere((-3.0, 0.0, 1.0), 1.0)}
+    kept = {"pole": True, "ball": True, "bar": False, "unseen": False}  # whether vehicles keep away
+    a = FakeView(position=(0.0, 0.0, 1.0), hull=0.1, obstacles=solids)
+    b = FakeView(position=(-2.0, 0.0, 1.0), hull=0.1, obstacles=solids)
+    scope = Scope("condition", {"a": (), "b": ()}, "a", obstacles=kept)
+    assert holds == asked(words, scope, a=a, b=b)
 
 
 def test_values_are_read_anew_each_time() -> None:

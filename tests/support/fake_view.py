@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from kybflow.core.geometry import LEVEL, ZERO, Quat, Vec3
 from kybflow.core.signals import Battery, Setpoint, SetpointKind, Truth
-from kybflow.parts.observables import State, Unavailable
+from kybflow.parts.observables import Solid, State, Unavailable
 
 
 @dataclass
@@ -25,7 +25,14 @@ class FakeView:
     start: Vec3 = ZERO
     age: float = 0.0
     spread: float = 0.0
+    hull: float = 0.0
+    obstacles: dict[str, Solid] = field(default_factory=dict)
     asked: list[str] = field(default_factory=list)
+
+    def obstacle(self, name: str) -> Solid:
+        if name not in self.obstacles:
+            raise Unavailable
+        return self.obstacles[name]
 
     @property
     def state(self) -> State:

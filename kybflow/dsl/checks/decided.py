@@ -251,7 +251,13 @@ def _limits(case: Case, found: _Decided) -> Iterator[str]:
         match node:
             case tree.Compare(
                 operator,
-                (tree.Read() | tree.Distance() | tree.Separation() | tree.Aggregate()) as value,
+                (
+                    tree.Read()
+                    | tree.Distance()
+                    | tree.Separation()
+                    | tree.Clearance()
+                    | tree.Aggregate()
+                ) as value,
                 tree.Quantity(_, unit),
             ) if is_known(node, bounds):
                 is_high = (operator in (">", ">=")) is not found.holds
@@ -262,7 +268,9 @@ def _limits(case: Case, found: _Decided) -> Iterator[str]:
                     continue
                 low, high = (quantity(bound, unit) for bound in usual(value))
                 why = _limited_by(value, unit, is_high, usual)
-                yield f"`{shown_value(value)}` stays between {low} and {high}, because {why}"
+                is_open = usual(value)[0] == -inf
+                stays = f"is never above {high}" if is_open else f"stays between {low} and {high}"
+                yield f"`{shown_value(value)}` {stays}, because {why}"
 
 
 def _limited_by(

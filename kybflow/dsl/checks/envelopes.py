@@ -12,7 +12,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.expressions.reasoning import EVERYWHERE, Bounds, Envelopes, physical_bounds
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts.observables import Envelope
-from kybflow.world.shapes import Box
+from kybflow.world.shapes import Box, Cylinder, MovingSphere, Shape, Sphere
 
 _OFFSET = (0.05, 0.05, 0.05)
 _SPEED, _TILT = 0.05, 0.2
@@ -58,11 +58,14 @@ def _reaches(case: Case) -> list[Callable[[str | None], Reaches]]:
             for name, v in vehicles
         },
     )
-    made: dict[str | None, Reaches] = {}
+    plan, made = case.plan, dict[str | None, Reaches]()
+    solids = {
+        name: _box_of(shape) for name, shape in (*plan.obstacles.items(), *plan.moving.items())
+    }
 
     def reaches(own: str | None) -> Reaches:
         if own not in made:
-            usual, certain, first = (Envelopes(kind, own) for kind in kinds)
+            usual, certain, first = (Envelopes(kind, own, solids) for kind in kinds)
             longest = case.plan.time_limit
             at_first = physical_bounds(longest, first)
             made[own] = Reaches(
@@ -73,6 +76,22 @@ def _reaches(case: Case) -> list[Callable[[str | None], Reaches]]:
         return made[own]
 
     return [reaches]
+
+
+def _box_of(shape: Shape | MovingSphere) -> Box:
+    """Return a box that contains an obstacle wherever it moves; everywhere for a large one."""
+    match shape:
+        case Box():
+            return shape
+        case Cylinder((x, y, z), radius, height):
+            return Box((x - radius, y - radius, z), (x + radius, y + radius, z + height))
+        case Sphere(at, radius):
+            return Box(at, at).grown((radius,) * 3)
+        case MovingSphere():
+            sides = ((min(axis), max(axis)) for axis in zip(*shape.along, strict=True))
+            (a, d), (b, e), (c, f) = sides
+            return Box((a, b, c), (d, e, f)).grown((shape.radius,) * 3)
+    return EVERYWHERE
 
 
 def _usual(vehicle: VehiclePlan, fence: Box | None) -> Envelope:

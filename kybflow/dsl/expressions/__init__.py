@@ -10,6 +10,7 @@ from kybflow.dsl.expressions.tree import (
     Always,
     And,
     Axis,
+    Clearance,
     Compare,
     Condition,
     Distance,
@@ -31,7 +32,8 @@ from kybflow.dsl.expressions.tree import (
 )
 
 __all__ = [
-    "Aggregate", "Always", "And", "Axis", "Compare", "Condition", "Distance", "Eventually",
-    "Expression", "Finally", "Finished", "GroupInState", "InState", "Location", "MissionTime",
-    "Not", "Or", "Quantity", "Read", "Scope", "Separation", "Word", "describe", "parse",
+    "Aggregate", "Always", "And", "Axis", "Clearance", "Compare", "Condition", "Distance",
+    "Eventually", "Expression", "Finally", "Finished", "GroupInState", "InState", "Location",
+    "MissionTime", "Not", "Or", "Quantity", "Read", "Scope", "Separation", "Word", "describe",
+    "parse",
 ]  # fmt: skip

@@ -10,11 +10,13 @@ together.
                  | ('all' | 'any') GROUP 'in' STATE | operand operator operand
     operand     := quantity | 'time' | observable | VEHICLE '.' observable | INPUT '.' axis | word
                  | 'distance' '(' place 'to' place ')'
-                 | 'separation' '(' all | some 'and' some ... ')'
+                 | 'separation' '(' 'all' | some ['and' some ...] ')'
+                 | 'clearance' '(' VEHICLE ')'
                  | ('mean'|'max'|'min'|'rms') '(' operand ['in' STATE] ')'
-    some        := VEHICLE | GROUP
+    some        := VEHICLE | GROUP | obstacle
     place       := VEHICLE | VEHICLE '.start' | 'start' | VEHICLE '.payload'
-                 | 'world.points.' NAME | '[' x y z ']'
+                 | 'world.points.' NAME | '[' x y z ']' | obstacle
+    obstacle    := OBSTACLE | 'world.obstacles.' OBSTACLE
 """
 
 from __future__ import annotations
@@ -297,16 +299,16 @@ class _Parser:
         dimension: Dimension | None = LENGTH
         before = len(self._found.all)
         if function.text == "distance":
-            place = self._place()
-            self._tokens.expect("to")
-            node = tree.Distance(place, self._place())
+            node = self._distance(function)
         elif function.text == "separation":
             node = self._separation(function)
+        elif function.text == "clearance":
+            node = self._semantics.clearance(function, self._name("a vehicle"))
         elif function.text in _FUNCTIONS:
             node, dimension = self._aggregate(function)
         else:
             message = f"there is no function `{function.text}`"
-            known = [*_FUNCTIONS, "distance", "separation"]
+            known = [*_FUNCTIONS, "distance", "separation", "clearance"]
             self._semantics.report_unknown(function, message, known)
             raise Unreadable
         self._tokens.expect(")")
@@ -314,14 +316,28 @@ class _Parser:
         whole = Token("name", self._text.text[function.start : end], function.start, end)
         return Operand(whole, node, dimension, len(self._found.all) > before)
 
+    def _distance(self, function: Token) -> tree.Distance:
+        a = self._place()
+        self._tokens.expect("to")
+        b = self._place()
+        if a.obstacle is not None and b.obstacle is not None:
+            message = f"`{a.obstacle}` and `{b.obstacle}` are both obstacles"
+            hint = f"name a vehicle or a point: `distance({self._scope.a_vehicle} to {b.obstacle})`"
+            whole = function._replace(end=self._tokens.behind())
+            self._semantics.report("KYB212", whole, message, "no vehicle", hint)
+        return tree.Distance(a, b)
+
     def _place(self) -> tree.Location:
         if self._tokens.skip("["):
             point = (self._quantity(LENGTH), self._quantity(LENGTH), self._quantity(LENGTH))
             self._tokens.expect("]")
             return tree.Location(None, point=point)
-        token = self._name("a vehicle or a point")
+        token = self._name("a vehicle, a point or an obstacle")
         if token.text == "start" and self._scope.own is not None:
             return tree.Location(None, start=True)
+        obstacle = self._semantics.obstacle(token)
+        if obstacle is not None:
+            return tree.Location(None, obstacle=obstacle)
         if token.text.startswith(PREFIX):
             return tree.Location(None, point=self._semantics.point(token))
         own = "payload" if token.text.endswith(".payload") else "start"
@@ -339,22 +355,27 @@ class _Parser:
         return tree.Location(name, payload=True)
 
     def _separation(self, function: Token) -> tree.Separation:
-        first = self._name("a vehicle, a group or `all`")
-        if first.text == "all" and "all" not in self._scope.vehicles:
-            vehicles = list(self._scope.vehicles)
-        else:
-            vehicles = [*self._some(first)]
-            while self._tokens.skip("and"):
-                vehicles += self._some(self._name("a vehicle or a group"))
-        if len(set(vehicles)) < 2:
-            message = "a separation needs two vehicles"
+        vehicles, obstacles = dict[str, None](), dict[str, None]()
+        token = self._name("a vehicle, a group or `all`")
+        while True:
+            obstacle = self._semantics.obstacle(token)
+            if obstacle is not None:
+                obstacles[obstacle] = None
+            elif token.text == "all" and "all" not in self._scope.vehicles:
+                vehicles |= dict.fromkeys(self._scope.vehicles)
+            else:
+                members = self._scope.groups.get(token.text)
+                vehicles |= dict.fromkeys(members or (self._semantics.vehicle(token),))
+            if not self._tokens.skip("and"):
+                break
+            token = self._name("a vehicle, a group or an obstacle")
+        if not vehicles or len(vehicles) + len(obstacles) < 2:
+            message = "a separation needs two vehicles, or a vehicle and an obstacle"
             hint = "write `separation(a and b)` or `separation(all)`"
+            label = "one vehicle" if vehicles else "no vehicle"
             whole = function._replace(end=self._tokens.behind())
-            self._semantics.report("KYB212", whole, message, "one vehicle", hint)
-        return tree.Separation(tuple(dict.fromkeys(vehicles)))
-
-    def _some(self, token: Token) -> tuple[str, ...]:
-        return self._scope.groups.get(token.text) or (self._semantics.vehicle(token),)
+            self._semantics.report("KYB212", whole, message, label, hint)
+        return tree.Separation(tuple(vehicles), tuple(obstacles))
 
     def _aggregate(self, token: Token) -> tuple[tree.Aggregate, Dimension | None]:
         self._has_statistics = True
@@ -369,14 +390,14 @@ class _Parser:
         node, vehicle = inner.node, _subject(inner.node)
         if node is None and not is_quantity(inner):
             self._semantics.unknown_name(inner)
-        elif not isinstance(node, _MEASURED) or inner.dimension is None:
+        elif not isinstance(node, tree.Measured) or inner.dimension is None:
             message = f"there is no statistic of `{inner.source}`"
             self._semantics.report("KYB212", inner.token, message, "not measured in numbers")
         elif token.text == "rms" and _wraps(node):
             message = f"there is no root mean square of `{inner.source}`, which is a direction"
             hint = "use `mean`, which averages directions"
             self._semantics.report("KYB212", token, message, "not of a direction", hint)
-        measured = node if isinstance(node, _MEASURED) else tree.Read(None, "elapsed")
+        measured = node if isinstance(node, tree.Measured) else tree.Read(None, "elapsed")
         state = None
         if self._tokens.skip("in"):
             state = self._semantics.state(vehicle or "", self._name("a state"))
@@ -389,9 +410,6 @@ class _Parser:
         return tree.Aggregate(function, measured, owner, state), inner.dimension
 
 
-_MEASURED = (tree.Read, tree.Distance, tree.Separation)
-
-
 def _wraps(node: object) -> bool:
     return isinstance(node, tree.Read) and OBSERVABLES[node.name].wraps
 
@@ -399,7 +417,7 @@ def _wraps(node: object) -> bool:
 def _subject(node: object) -> str | None:
     """Return the vehicle that a value describes; for a distance, the first vehicle that it
     names."""
-    if isinstance(node, tree.Read):
+    if isinstance(node, tree.Read | tree.Clearance):
         return node.vehicle
     if isinstance(node, tree.Distance):
         return node.a.vehicle or node.b.vehicle

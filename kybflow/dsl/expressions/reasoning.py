@@ -9,8 +9,9 @@ one value. Nothing is proven about a condition with more than `_MOST_GROUPS` gro
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from itertools import combinations, pairwise, product
+from itertools import chain, combinations, pairwise, product
 from math import hypot, inf
+from types import MappingProxyType
 from typing import NamedTuple
 
 from kybflow.dsl.expressions import (
@@ -60,10 +61,12 @@ class _TooManyError(Exception):
 
 class Envelopes(NamedTuple):
     """The regions in which the vehicles are. of: the envelope of each vehicle by name; a vehicle
-    without one may be anywhere. own: the vehicle whose condition is evaluated."""
+    without one may be anywhere. own: the vehicle whose condition is evaluated. obstacles: the box
+    that contains each obstacle; one without a box is endless."""
 
     of: Mapping[str, Envelope]
     own: str | None = None
+    obstacles: Mapping[str, Box] = MappingProxyType({})
 
     def get(self, vehicle: str | None) -> Envelope | None:
         name = self.own if vehicle is None else vehicle
@@ -73,6 +76,8 @@ class Envelopes(NamedTuple):
         """Return the box in which a location can be."""
         if place.point is not None:
             return Box(place.point, place.point)
+        if place.obstacle is not None:
+            return self.obstacles.get(place.obstacle, EVERYWHERE)
         envelope = self.get(place.vehicle)
         if envelope is None:
             return EVERYWHERE
@@ -80,6 +85,22 @@ class Envelopes(NamedTuple):
             return Box(envelope.start, envelope.start)
         around = Box(envelope.low, envelope.high)
         return around.grown(_PAYLOAD_DISTANCE) if place.payload else around
+
+    def apart(self, value: tree.Distance | tree.Separation | tree.Clearance) -> tuple[float, float]:
+        """Return the range of a distance. It may be negative only from an obstacle."""
+        match value:
+            case tree.Distance(a, b):
+                near, far = _apart(self.box(a), self.box(b))
+                is_solid = a.obstacle is not None or b.obstacle is not None
+                return -inf if is_solid and near == 0.0 else near, far
+            case tree.Separation(vehicles, obstacles):
+                flown = [Location(vehicle) for vehicle in vehicles]
+                solid = [Location(None, obstacle=obstacle) for obstacle in obstacles]
+                pairs = chain(combinations(flown, 2), product(flown, solid))
+                low, high = zip(*(self.apart(tree.Distance(a, b)) for a, b in pairs), strict=True)
+                return min(low), min(high)
+            case tree.Clearance(vehicle, obstacles):
+                return -inf, self.apart(tree.Separation((vehicle,), obstacles))[1]
 
 
 EVERYWHERE = Box((-inf, -inf, -inf), (inf, inf, inf))
@@ -108,12 +129,8 @@ def physical_bounds(
                 return -1.0, 1.0
             case Read(vehicle, name):
                 return OBSERVABLES[name].bounds(there.get(vehicle))
-            case tree.Distance(a, b):
-                return _apart(there.box(a), there.box(b))
-            case tree.Separation(vehicles):
-                boxes = [there.box(Location(vehicle)) for vehicle in vehicles]
-                low, high = zip(*(_apart(a, b) for a, b in combinations(boxes, 2)), strict=True)
-                return min(low), min(high)
+            case tree.Distance() | tree.Separation() | tree.Clearance():
+                return there.apart(value)
             case tree.Aggregate(function, inner, _, state):
                 first = at_first(inner) if at_first is not None and state is None else None
                 return _statistic(function, bounds(inner), first)

@@ -16,6 +16,7 @@ from kybflow.dsl.diagnostics import PREFIX, Findings, Text, goals_like
 from kybflow.dsl.expressions.tokens import Token
 from kybflow.dsl.expressions.tree import (
     Aggregate,
+    Clearance,
     Compare,
     ComparisonOperator,
     Condition,
@@ -28,6 +29,7 @@ from kybflow.dsl.expressions.tree import (
 )
 from kybflow.parts.observables import OBSERVABLES, chains_of
 
+_OBSTACLES = "world.obstacles."
 _MOST_NAMES = 6
 """The most names in a hint."""
 HEALTH: Mapping[str, str] = {"age": "estimate.age", "spread": "estimate.spread"}
@@ -41,7 +43,8 @@ class Scope:
     vehicles: the states of each vehicle, including the built-in ones. own: the vehicle whose
     expression it is; None in an expectation and in a flow. estimators: those of each vehicle.
     points: those of the world. groups: the vehicles of each group. carriers: the vehicles with a
-    payload. inputs: the axes of each input.
+    payload. obstacles: those of the world, and for each whether vehicles keep away from it.
+    inputs: the axes of each input.
     """
 
     kind: Literal["condition", "health", "expectation"]
@@ -51,9 +54,15 @@ class Scope:
     points: Mapping[str, Vec3] = field(default_factory=dict)
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     carriers: Collection[str] = ()
+    obstacles: Mapping[str, bool] = field(default_factory=dict)
     inputs: Mapping[str, Collection[str]] = field(default_factory=dict)
     read: dict[Text, Any] = field(default_factory=dict, compare=False, repr=False)
     """A cache of the texts parsed in this scope, since several checks need them."""
+
+    @property
+    def a_vehicle(self) -> str:
+        """The name of a vehicle, for hints."""
+        return next(iter(self.vehicles), "VEHICLE")
 
 
 class Operand(NamedTuple):
@@ -104,8 +113,13 @@ class Semantics:
             message = f"`{name}` is a group, and one vehicle is needed"
             hint = f"write `all {name} in STATE` or `any {name} in STATE`"
             self.report("KYB212", token, message, "several vehicles", hint)
+        elif name in scope.obstacles:
+            message = f"`{name}` is an obstacle, and a vehicle is needed"
+            hint = f"write `distance({scope.a_vehicle} to {name})` for how near it is"
+            self.report("KYB212", token, message, "an obstacle", hint)
         elif name not in scope.vehicles:
-            known = {f"{PREFIX}{name}": ()} if name in scope.points else scope.vehicles
+            is_point = name in scope.points
+            known = [f"{PREFIX}{name}"] if is_point else [*scope.vehicles, *scope.obstacles]
             self.report_unknown(token, f"there is no vehicle `{name}`", known)
         return name
 
@@ -116,6 +130,28 @@ class Semantics:
             place = Token("name", name, token.end - len(name), token.end)
             self.report_unknown(place, f"the world has no point `{name}`", points)
         return points.get(name, ZERO)
+
+    def obstacle(self, token: Token) -> str | None:
+        """Return the obstacle that `NAME` or `world.obstacles.NAME` names, or None if the token
+        names something else; report an unknown obstacle."""
+        name, obstacles = token.text.removeprefix(_OBSTACLES), self._scope.obstacles
+        if name in obstacles:
+            return name
+        if name == token.text:
+            return None
+        place = Token("name", name, token.end - len(name), token.end)
+        self.report_unknown(place, f"the world has no obstacle `{name}`", obstacles)
+        return name
+
+    def clearance(self, function: Token, vehicle: Token) -> Clearance:
+        """Return the clearance of a vehicle from the obstacles that it keeps away from; report if
+        there is none."""
+        kept = tuple(name for name, is_kept in self._scope.obstacles.items() if is_kept)
+        if not kept:
+            message = "the world has no obstacle from which to keep clear"
+            hint = "write one under `obstacles` of the `world`, without `contact: allowed`"
+            self.report("KYB211", function, message, "from nothing", hint)
+        return Clearance(self.vehicle(vehicle), kept)
 
     def payload(self, vehicle: str, token: Token) -> None:
         """Report an expression that reads the payload of a vehicle without one."""
@@ -159,13 +195,17 @@ class Semantics:
             self.report("KYB212", token, message, "several vehicles", hint)
         elif token.text in OBSERVABLES and scope.kind != "health":
             message = f"`{token.text}` belongs to a vehicle, but none is named"
-            hint = f"write `{next(iter(scope.vehicles), 'VEHICLE')}.{token.text}`"
+            hint = f"write `{scope.a_vehicle}.{token.text}`"
             if token.text == "elapsed":
                 hint += (
                     ", the time in its behavior; `time` is the time since the start, and"
                     " `after: 5 s` in a `next` the time in a phase"
                 )
             self.report("KYB211", token, message, "of which vehicle?", hint)
+        elif (named := token.text.removeprefix(_OBSTACLES).split(".")[0]) in scope.obstacles:
+            message = f"`{named}` is an obstacle, of which only distances can be read"
+            hint = f"write `distance({scope.a_vehicle} to {named})`"
+            self.report("KYB212", token, message, "an obstacle", hint)
         elif first in scope.inputs and rest:
             self.report_unknown(inner, f"`{first}` has no axis `{rest}`", scope.inputs[first])
         else:

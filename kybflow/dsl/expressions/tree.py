@@ -55,23 +55,25 @@ class MissionTime:
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """A point in the world: the position of a vehicle, of its start or of its payload, or fixed
-    coordinates.
+    """A place in the world: the position of a vehicle, of its start or of its payload, fixed
+    coordinates, or an obstacle.
 
     vehicle: its name; None for the vehicle whose condition this is. start: whether the vehicle's
     start is meant. payload: whether the vehicle's payload is meant. point: the fixed coordinates,
-    metres; None if a vehicle is meant.
+    metres. obstacle: the name of the obstacle. Both are None if a vehicle is meant.
     """
 
     vehicle: str | None
     start: bool = False
     point: Vec3 | None = None
     payload: bool = False
+    obstacle: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Distance:
-    """The distance between two locations, metres."""
+    """The distance between two locations, metres; from an obstacle, the distance from its surface,
+    negative inside. At most one of them is an obstacle."""
 
     a: Location
     b: Location
@@ -79,12 +81,25 @@ class Distance:
 
 @dataclass(frozen=True, slots=True)
 class Separation:
-    """The smallest distance between any two of `vehicles`, metres."""
+    """The smallest distance between any two of `vehicles`, and between any of them and the surface
+    of any of `obstacles`, metres."""
 
     vehicles: tuple[str, ...]
+    obstacles: tuple[str, ...] = ()
 
 
-Value = Quantity | Word | Read | Axis | MissionTime | Distance | Separation
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """The smallest distance between the rotor tips of a vehicle and the surface of any of
+    `obstacles`, metres; negative if they overlap."""
+
+    vehicle: str
+    obstacles: tuple[str, ...]
+
+
+Measured = Read | Distance | Separation | Clearance
+"""The values of which there are statistics."""
+Value = Quantity | Word | Axis | MissionTime | Measured
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +123,7 @@ class Aggregate:
     """A statistic of `value` over the run, or over the ticks in which `vehicle` is in `state`."""
 
     function: Function
-    value: Read | Distance | Separation
+    value: Measured
     vehicle: str | None = None
     state: str | None = None
 
@@ -232,16 +247,16 @@ def shown_value(value: Value | Aggregate) -> str:
             return quantity(number, dimension)
         case Word(text):
             return text
-        case Read(vehicle, name):
+        case Read(vehicle, name) | Axis(vehicle, name):
             return f"{vehicle}.{name}" if vehicle else name
-        case Axis(source, name):
-            return f"{source}.{name}"
         case MissionTime():
             return "time"
         case Distance(a, b):
             return f"distance({_place(a)} to {_place(b)})"
-        case Separation(vehicles):
-            return f"separation({' and '.join(vehicles)})"
+        case Separation(vehicles, obstacles):
+            return f"separation({' and '.join((*vehicles, *obstacles))})"
+        case Clearance(vehicle, _):
+            return f"clearance({vehicle})"
         case Aggregate(function, inner, _, state):
             return f"{function}({shown_value(inner)}{f' in {state}' if state else ''})"
 
@@ -249,6 +264,8 @@ def shown_value(value: Value | Aggregate) -> str:
 def _place(place: Location) -> str:
     if place.point is not None:
         return "[" + " ".join(f"{c:.6g}" for c in place.point) + "]"
+    if place.obstacle is not None:
+        return place.obstacle
     if place.vehicle is None:
         return "start"
     if place.payload:

@@ -1,5 +1,5 @@
 """Publishes events that only a simulator can detect: collisions, hard landings, flights outside the
-fence, and payloads that come to rest after their release.
+fence, and payloads that come to rest after their release; and scores how near obstacles are.
 
 Listeners such as a recording receive these events; vehicles, flows and callbacks don't.
 """
@@ -7,13 +7,17 @@ Listeners such as a recording receive these events; vehicles, flows and callback
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence, Set
+from contextlib import suppress
 from functools import partial
 
 from kybflow.core.geometry import Vec3, distance, norm
 from kybflow.core.signals import PayloadState
+from kybflow.dsl.expressions import Clearance
 from kybflow.parts import Link
 from kybflow.parts.events import Collided, FenceLeft, LandedHard, PayloadRested
 from kybflow.parts.link import ReportsTouches, Touch
+from kybflow.parts.observables import Unavailable, View
+from kybflow.runtime.conditions import value_of
 from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.world.shapes import Box
@@ -87,6 +91,26 @@ class Excursions:
                 self._inside.remove(vehicle)
                 self.first = self.first or f"`{vehicle.name}` flew outside the fence"
                 self._events.emit(FenceLeft(beyond=beyond), vehicle.name)
+
+
+class Clearances:
+    """Adds to each vehicle's score how near it flies to the obstacles that it keeps away from. The
+    engine calls `step` twenty times a second. views: the vehicles' true states in simulation, their
+    estimates on hardware."""
+
+    def __init__(
+        self, vehicles: Sequence[Vehicle], views: Mapping[str, View], obstacles: tuple[str, ...]
+    ) -> None:
+        self._watched = [
+            (vehicle, value_of(Clearance(vehicle.name, obstacles), views, None, lambda: 0.0))
+            for vehicle in (vehicles if obstacles else ())
+        ]
+
+    def step(self) -> None:
+        for vehicle, clearance in self._watched:
+            if vehicle.airborne:
+                with suppress(Unavailable):
+                    vehicle.score.clearance(clearance())
 
 
 class PayloadDrops:

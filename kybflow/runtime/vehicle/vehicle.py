@@ -82,6 +82,7 @@ class Vehicle:
         moving: SeenObstacles = NO_OBSTACLES,
     ) -> None:
         self.plan, self.name, self.context, self.moving = plan, plan.name, context, moving
+        self.score = score
         self.wanted: Setpoint | None = None
         self._observer, self._errors = observer, TrackingErrors(score)
         self._broadcasts = broadcasts

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import pytest
+from fake_view import FakeView
 
 from kybflow.core.geometry import LEVEL, ZERO, Vec3
-from kybflow.core.signals import Truth
+from kybflow.core.signals import NS, SeenObstacle, Truth
 from kybflow.parts.link import Touch
+from kybflow.parts.observables import Unavailable
 from kybflow.runtime.events import Events
-from kybflow.runtime.fleet.ground_truth import Excursions, Impacts
-from kybflow.world.shapes import Box
+from kybflow.runtime.fleet.ground_truth import Clearances, Excursions, Impacts
+from kybflow.runtime.scores import VehicleScore
+from kybflow.runtime.views import BelievedView, TrueView
+from kybflow.world.shapes import Box, MovingSphere, Sphere
 
 FLOOR, WALL = Touch("the floor", carries=True), Touch("wall", carries=False)
 
@@ -24,6 +29,7 @@ class FakeVehicle:
     slides: float = 0.0
     position: Vec3 = ZERO
     airborne: bool = True
+    score: VehicleScore | None = None
 
     @property
     def truth(self):
@@ -81,6 +87,41 @@ def test_a_flight_outside_the_fence_is_seen_once(position, airborne, expected):
         excursions.step()
     assert [(event.name, event.fields) for event in heard] == expected
     assert (excursions.first is not None) == bool(expected)
+
+
+def test_the_least_clearance_in_the_air_is_scored():
+    """Of the true state, from every obstacle that vehicles keep away from."""
+    view, score = (
+        FakeView(hull=0.1, obstacles={"pole": Sphere((0.0, 0.0, 0.0), 0.2)}),
+        VehicleScore("a"),
+    )
+    vehicle = FakeVehicle(0.0, True, score=score)
+    watched, empty = (Clearances([vehicle], {"a": view}, names) for names in (("pole",), ()))
+    for east, airborne in ((2.0, True), (1.0, True), (3.0, True), (0.5, False)):
+        view.position, vehicle.airborne = (east, 0.0, 0.0), airborne
+        watched.step()
+        empty.step()
+    assert pytest.approx(score.min_clearance) == 0.7
+
+
+def test_expectations_read_where_a_moving_obstacle_is_and_conditions_where_it_was_seen():
+    ball = MovingSphere(((0.0, 0.0, 1.0), (4.0, 0.0, 1.0)), 0.25, 1.0)
+    seen = SeenObstacle(3 * NS // 2, (1.0, 0.0, 1.0), ZERO, 0.25, 1.0)
+    context = SimpleNamespace(obstacles={}, moving={"ball": ball})
+    vehicle = SimpleNamespace(
+        context=context,
+        now=2 * NS,
+        moving={"ball": seen},
+        truth=Truth(ZERO, ZERO, LEVEL, ZERO, None),
+    )
+    true, believed = TrueView(vehicle), BelievedView(vehicle)
+    assert true.obstacle("ball") == Sphere(ball.at(2.0), 0.25)
+    assert believed.obstacle("ball") == Sphere((1.0, 0.0, 1.0), 0.75)  # half a second at 1 m/s
+    vehicle.truth = None  # on hardware
+    assert true.obstacle("ball") == believed.obstacle("ball")
+    vehicle.moving = {}
+    with pytest.raises(Unavailable):
+        believed.obstacle("ball")
 
 
 @pytest.mark.parametrize("sinks", [0.0, 1.6])
