@@ -719,7 +719,7 @@ class SourceFile:
 
 class Parameter(NamedTuple):
     """A mission parameter after `--set`. type: the name of its dimension or type. value: its value
-    (SI; a vector for a position)."""
+    (SI; a vector for a position, vectors for a path)."""
 
     name: str
     type: str
@@ -735,7 +735,8 @@ class ParameterKeys(Record):
     """A value that `--set` may change; `$name` stands for it."""
 
     type: str = key(
-        "Its type: a quantity such as `length`, or `position`, `integer`, `text` or `boolean`.",
+        "Its type: a quantity such as `length`, or `position`, `path`, `integer`, `text` or "
+        "`boolean`.",
         examples=tuple(TYPES),
     )
     default: Annotated[Any, PARAMETER_VALUE] = key(

@@ -51,7 +51,7 @@ class State(Protocol):
         """The attitude, body to world."""
 
 
-class Solid(Protocol):
+class ObstacleView(Protocol):
     def distance(self, p: Vec3) -> float:
         """Return the distance from the surface to `p`, metres; negative inside."""
 
@@ -114,7 +114,7 @@ class View(Protocol):
     def hull(self) -> float:
         """The distance from the vehicle's centre to the tips of its rotors, metres."""
 
-    def obstacle(self, name: str) -> Solid:
+    def obstacle(self, name: str) -> ObstacleView:
         """Return where an obstacle is: in a condition, a moving one is believed to be where it was
         seen last, and grows until it is seen again; in an expectation, it is where the simulator
         has it, if there is one. Unavailable before the obstacle was seen."""

@@ -10,7 +10,7 @@ from math import inf
 from typing import Any, Protocol
 
 from kybflow.core.signals import Estimate
-from kybflow.parts.observables import Solid, Unavailable
+from kybflow.parts.observables import ObstacleView, Unavailable
 
 
 class _Estimating(Protocol):
@@ -42,5 +42,5 @@ class EstimatorView:
     start = hull = property(_never)
     payload = payload_place = releases = sticks = property(_never)
 
-    def obstacle(self, name: str) -> Solid:
+    def obstacle(self, name: str) -> ObstacleView:
         raise Unavailable

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Battery, Estimate, PayloadState, Setpoint, Sticks
 from kybflow.flight.avoidance.surroundings import grown
-from kybflow.parts.observables import Solid, State, Unavailable
+from kybflow.parts.observables import ObstacleView, State, Unavailable
 from kybflow.world.shapes import Sphere
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ class BelievedView:
     def hull(self) -> float:
         return self._vehicle.context.airframe.hull
 
-    def obstacle(self, name: str) -> Solid:
+    def obstacle(self, name: str) -> ObstacleView:
         shape = self._vehicle.context.obstacles.get(name)
         if shape is not None:
             return shape
@@ -121,7 +121,7 @@ class TrueView(BelievedView):
     def state(self) -> State:
         return self._vehicle.truth or super().state
 
-    def obstacle(self, name: str) -> Solid:
+    def obstacle(self, name: str) -> ObstacleView:
         ball = self._vehicle.context.moving.get(name)
         if ball is None or self._vehicle.truth is None:
             return super().obstacle(name)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from kybflow.core.geometry import LEVEL, ZERO, Quat, Vec3
 from kybflow.core.signals import Battery, Setpoint, SetpointKind, Truth
-from kybflow.parts.observables import Solid, State, Unavailable
+from kybflow.parts.observables import ObstacleView, State, Unavailable
 
 
 @dataclass
@@ -26,10 +26,10 @@ class FakeView:
     age: float = 0.0
     spread: float = 0.0
     hull: float = 0.0
-    obstacles: dict[str, Solid] = field(default_factory=dict)
+    obstacles: dict[str, ObstacleView] = field(default_factory=dict)
     asked: list[str] = field(default_factory=list)
 
-    def obstacle(self, name: str) -> Solid:
+    def obstacle(self, name: str) -> ObstacleView:
         if name not in self.obstacles:
             raise Unavailable
         return self.obstacles[name]

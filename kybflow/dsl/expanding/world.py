@@ -273,12 +273,17 @@ def with_points(root: Mapping, points: MappingOf[str, Vec3], found: Findings) ->
 def with_coordinates(
     parameters: MappingOf[str, Parameter], points: MappingOf[str, Vec3]
 ) -> dict[str, Parameter]:
-    """Return the parameters, with coordinates as the value of those that name a point."""
+    """Return the parameters, with coordinates in place of the names of points."""
+
+    def placed(value: Any) -> Any:
+        if isinstance(value, str):
+            return points.get(value.removeprefix(PREFIX), ZERO)
+        return tuple(map(placed, value)) if isinstance(value, tuple) else value
+
     return {
-        name: p if p.type != "position" or not isinstance(p.value, str)
-        else p._replace(value=points.get(p.value.removeprefix(PREFIX), ZERO))
+        name: p._replace(value=placed(p.value)) if p.type in ("position", "path") else p
         for name, p in parameters.items()
-    }  # fmt: skip
+    }
 
 
 _NORTH: Vec3 = (0.0, 1.0, 0.0)

@@ -46,6 +46,7 @@ from kybflow.dsl.language.records import (
 )
 from kybflow.dsl.language.schema import (
     BOUNDS,
+    COMPUTED,
     KINDS,
     NAMED,
     NAMES,
@@ -222,7 +223,7 @@ def _are_uses(node: Node, kind: Any, field: Field) -> bool:
 def _are_sized(node: Node, kind: Numbers, size: tuple[int | None, ...], field: Field) -> bool:
     if isinstance(node, Scalar):
         is_place = size == (3,) and field.shape != "matrix"
-        if (PLACE if is_place else PARAMETER).match(node.text):
+        if (PLACE if is_place else PARAMETER if size else COMPUTED).match(node.text):
             return True
         return not size and _is_quantity(node, kind, field)
     if not size or not isinstance(node, Sequence) or not node.items:
@@ -247,7 +248,7 @@ def _is_quantity(node: Scalar, kind: Numbers, field: Field) -> bool:
 def _is_whole(node: Node, _: Any, field: Field) -> bool:
     value = to_json(node)
     if isinstance(value, bool) or not isinstance(value, int | float):
-        return _is_parameter(node)
+        return isinstance(node, Scalar) and COMPUTED.match(node.text) is not None
     return value == int(value) and field.is_within(value)
 
 
@@ -391,7 +392,7 @@ def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
         return
     types = fault.wanted if fault.keyword == "type" else schema.get("type", ())
     types = [types] if isinstance(types, str) else [t for t in types if t != "null"]
-    if len(types) > 1 and schema.get("pattern", "").startswith("^\\$"):
+    if len(types) > 1 and "\\$" in schema.get("pattern", ""):
         types.remove("string")
     wanted = " or ".join(dict.fromkeys(KINDS[t] for t in types)) or "another value"
     place = f"`{name}`" if name else f"{article(schema.get('title', 'file'))}"

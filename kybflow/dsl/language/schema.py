@@ -52,8 +52,11 @@ _NAME = (
 reader refuses the rest."""
 _PARAMETER = rf"\$(?:{_NAME})"
 _PLACE = rf"^{_PARAMETER}$|^world\.points\.{_NAME}$"
+_COMPUTED = rf"^[^$\[\]{{}},:]*{_PARAMETER}[^\[\]{{}},:]*$"
 PARAMETER, PLACE = re.compile(rf"^{_PARAMETER}$"), re.compile(_PLACE)
-"""Match a text that stands for a value until parameters and points of the world are resolved."""
+COMPUTED = re.compile(_COMPUTED)
+"""Match a text that stands for a value until parameters and points of the world are resolved; a
+number may be computed, as in `$height + 20 cm`."""
 NAME = rf"^{_NAME}(?!\n)$"
 """The pattern of a name. With `$` alone, Python would accept a line break after the name."""
 DOTTED = rf"^{_NAME}(\.{_NAME})*(?!\n)$"
@@ -153,7 +156,8 @@ class Schemas:
 
     def _scalar(self, kind: Any, field: Field) -> Schema:
         """Return the schema of an integer or a boolean."""
-        either = {"type": [kind.shape, "string"], "pattern": f"^{_PARAMETER}$"}
+        pattern = f"^{_PARAMETER}$" if kind is BOOLEAN else _COMPUTED
+        either = {"type": [kind.shape, "string"], "pattern": pattern}
         words = ("true", "false") if kind is BOOLEAN else (_example(field),)
         return {"defaultSnippets": snippets(words), **either, **_bounds(field)}
 
@@ -265,7 +269,7 @@ def numbers_schema(dimension: Dimension, size: tuple[int | None, ...], field: Fi
         known = f"; its units are {', '.join(dimension.units)}" if units else ""
         return {
             "type": ["number", "string"] if dimension.bare_allowed else "string",
-            "pattern": rf"^[ \t]*{_NUMBER}{unit}[ \t]*$|^{_PARAMETER}$",
+            "pattern": rf"^[ \t]*{_NUMBER}{unit}[ \t]*$|{_COMPUTED}",
             "x-dimension": dimension.name,
             **_bounds(field),
             "errorMessage": f"{one[:1].upper()}{one[1:]}, is needed{known}.",

@@ -44,8 +44,9 @@ def no_commas(text: str) -> str:
 class Scalar(NamedTuple):
     """One value.
 
-    quoted: whether the text was in quotes, so that it is never a number. parameter: the name of the
-    parameter whose value replaced the whole scalar, or empty; the span is then that of `$name`.
+    quoted: whether the text was in quotes, so that it is never a number. parameter: the
+    `$name`, or the arithmetic with one, that the whole scalar replaced, or empty; the span is then
+    that of this text.
     written: the text before parameters inside it were replaced by their values, or empty. insets:
     the values of these parameters.
     """

@@ -81,7 +81,7 @@ _ROWS = {"matrix": "{} rows of {} numbers, `[[...], ...]`", "row": "{} rows of {
 
 
 QUANTITIES: dict[str, Dimension] = {d.name.replace(" ", "_"): d for d in DIMENSIONS.values()}
-TYPES = (*QUANTITIES, "position", "integer", "text", "boolean")
+TYPES = (*QUANTITIES, "position", "path", "integer", "text", "boolean")
 """The types of a mission's parameters."""
 
 
@@ -259,7 +259,7 @@ def origin(node: Scalar) -> tuple[str, ...]:
     """Return a note with the value of the parameter that `node` stands for. Empty if there is no
     parameter, or if the finding is reported at that value."""
     shown = node.parameter and node.span.value is None
-    return (f"`${node.parameter}` is `{node.text}`",) if shown else ()
+    return (f"`{node.parameter}` is `{node.text}`",) if shown else ()
 
 
 def _wrong(node: Node, field: Field, found: Findings, shape: str = "") -> None:

@@ -7,14 +7,15 @@ import re
 import unicodedata
 from collections.abc import Iterable, Iterator
 from collections.abc import Mapping as MappingOf
+from dataclasses import replace
 from decimal import Decimal
 from math import inf
 from typing import Any, NamedTuple
 
 from kybflow.core import names
-from kybflow.core.params import TEXT, Field
+from kybflow.core.params import TEXT, Field, Numbers, numbers
 from kybflow.core.text import did_you_mean
-from kybflow.core.units import LENGTH, NUMBER, RATIO
+from kybflow.core.units import LENGTH, NUMBER, RATIO, Dimension, article
 from kybflow.dsl.diagnostics import PREFIX, SET, Findings, Inset, Span
 from kybflow.dsl.plan import Parameter
 from kybflow.dsl.reading.nodes import (
@@ -35,6 +36,7 @@ from kybflow.dsl.reading.values import (
     quantity_field,
     shown_value,
 )
+from kybflow.dsl.resolving import arithmetic
 
 CODES = {
     "KYB131": "A value is given for a parameter that the mission, the library or the chain "
@@ -45,12 +47,16 @@ CODES = {
     "KYB136": "The bounds of a parameter allow no value.",
     "KYB460": "Two `--set` give a parameter different values.",
     "KYB130": "`$name` names an unknown parameter.",
+    "KYB137": "Arithmetic with parameters can't be worked out: its units don't fit together, it "
+    "divides by zero, or it is not written as such.",
     "KYB133": "A parameter is unused (a warning).",
 }
 _BOUNDS = ("above", "at_least", "below", "at_most")
 _WHOLE = re.compile(rf"\$({names.NAME})\Z")
 _INSIDE = re.compile(rf"\$({names.NAME})")
 _EXPRESSIONS = frozenset({"when", "healthy", "expect"})
+_TEXTS = frozenset({"log", "stop", "summary", "help"})
+"""The keys of texts for people, in which nothing is computed."""
 
 
 class BoundParameter(NamedTuple):
@@ -196,6 +202,11 @@ def _declare(
 
 def _value(node: Node, field: Field, found: Findings) -> Any:
     """Return the value of `node`; the name of a point is kept until the world is known."""
+    if field.shape == "path" and isinstance(node, Sequence) and node.items:
+        assert field.dimension is not None
+        point = replace(field, type=numbers(field.dimension, "vector"))
+        points = [_value(item, point, found) for item in node.items]
+        return None if None in points else tuple(points)
     is_point = field.shape == "vector" and isinstance(node, Scalar) and node.text.startswith(PREFIX)
     if isinstance(node, Scalar) and (is_point or field.type is TEXT):
         return node.text
@@ -203,11 +214,8 @@ def _value(node: Node, field: Field, found: Findings) -> Any:
 
 
 def _field(name: str, kind: str, body: Mapping, found: Findings) -> Field:
-    if kind == "position":
-        dimension, shape = LENGTH, "vector"
-    else:
-        dimension = QUANTITIES.get(kind, NUMBER)
-        shape = "scalar" if kind in QUANTITIES else kind
+    shape = _SHAPES.get(kind, "scalar" if kind in QUANTITIES else kind)
+    dimension = _dimension(kind)
     bounds: dict[str, Any] = {}
     for bound in _BOUNDS:
         node = body.get(bound)
@@ -220,7 +228,7 @@ def _typed(node: Node, field: Field) -> Node:
     """Return the value with its unit written out, so that it can't be read in another dimension."""
     if isinstance(node, Sequence):
         return Sequence(tuple(_typed(item, field) for item in node.items), node.span)
-    if not isinstance(node, Scalar) or field.shape not in ("scalar", "vector"):
+    if not isinstance(node, Scalar) or not isinstance(field.type, Numbers):
         return node
     text, dimension = node.text.strip(), field.dimension
     if dimension is None or not re.fullmatch(r"[-+.\deE]+", text):
@@ -232,8 +240,14 @@ def _typed(node: Node, field: Field) -> Node:
 
 def shown_parameter(parameter: Parameter) -> str:
     """Return the value of a parameter as an author would write it."""
-    dimension = LENGTH if parameter.type == "position" else QUANTITIES.get(parameter.type)
-    return shown_value(parameter.value, quantity_field("", dimension or NUMBER))
+    return shown_value(parameter.value, quantity_field("", _dimension(parameter.type)))
+
+
+_SHAPES = {"position": "vector", "path": "path"}
+
+
+def _dimension(kind: str) -> Dimension:
+    return LENGTH if kind in _SHAPES else QUANTITIES.get(kind, NUMBER)
 
 
 class Substitution:
@@ -256,18 +270,7 @@ class Substitution:
 
     def _replaced(self, node: Node, expression: bool) -> Node:
         if isinstance(node, Scalar):
-            if "$" not in node.text:
-                return node
-            if expression:
-                return self._between(node)
-            whole = _WHOLE.match(node.text)
-            declared = self._lookup(whole[1], node) if whole else None
-            if declared is None:
-                return node
-            written = declared.node.span
-            is_set = written.is_set if written.given else declared.is_set
-            span = node.span._replace(given=written.given or written, is_set=is_set)
-            return _placed(declared.node, span, node.text[1:])
+            return self._scalar(node, expression) if "$" in node.text else node
         if isinstance(node, Sequence):
             items = tuple([self.apply(item, expression) for item in node.items])
             if all(a is b for a, b in zip(items, node.items, strict=True)):
@@ -278,6 +281,9 @@ class Substitution:
         for key, entry in node.entries.items():
             if isinstance(entry.value, Scalar) and "$" not in entry.value.text:
                 continue
+            written = entry.value
+            if key in _TEXTS and isinstance(written, Scalar) and not _WHOLE.match(written.text):
+                continue
             value = self.apply(entry.value, key in _EXPRESSIONS)
             if value is not entry.value:
                 changed[key] = entry._replace(value=value)
@@ -287,12 +293,19 @@ class Substitution:
         """Return a condition with the value of every `$name`; it keeps its text as written."""
         text, behind = "", 0
         insets: list[Inset] = []
-        for match in _INSIDE.finditer(node.text):
-            declared = self._lookup(match[1], node, match.span())
-            if declared is None:
+        for match in arithmetic.INSIDE.finditer(node.text):
+            if "$" not in match[0]:
+                continue
+            names = self._named(node, *match.span())
+            if names is None:
+                continue
+            declared = next(iter(names.values()))
+            value: str | None = _literal(declared.node)
+            if not _WHOLE.match(match[0]):
+                value = self._result(node, names, *match.span())
+            if value is None:
                 continue
             text += node.text[behind : match.start()]
-            value = _literal(declared.node)
             given = declared.node.span.given or declared.node.span
             insets.append(Inset(len(text), len(text) + len(value), *match.span(), given))
             text += value
@@ -301,6 +314,56 @@ class Substitution:
             return node
         text += node.text[behind:]
         return node._replace(text=text, written=node.text, insets=tuple(insets))
+
+    def _scalar(self, node: Scalar, expression: bool) -> Node:
+        text = node.text
+        if expression:
+            return self._between(node)
+        if whole := _WHOLE.match(text):
+            declared = self._lookup(whole[1], node)
+            return node if declared is None else _placed(declared.node, node, declared)
+        is_short = len(text) <= arithmetic.MAX_LENGTH
+        if not (is_short and _INSIDE.search(text) and arithmetic.BEGINNING.match(text)):
+            return node
+        names = self._named(node, 0, len(text))
+        value = None if names is None else self._result(node, names, 0, len(text))
+        if names is None or value is None:
+            return node
+        declared = max(names.values(), key=lambda one: one.is_set)
+        return _placed(Scalar(value, node.span), node, declared)
+
+    def _named(self, node: Scalar, start: int, end: int) -> dict[str, BoundParameter] | None:
+        """Return the parameters named in a part of a text; None if one has no value, which is
+        reported."""
+        found = {
+            match[1]: self._lookup(match[1], node, match.span())
+            for match in _INSIDE.finditer(node.text, start, end)
+        }
+        known = {name: one for name, one in found.items() if one is not None}
+        return known if len(known) == len(found) else None
+
+    def _result(
+        self, node: Scalar, names: MappingOf[str, BoundParameter], start: int, end: int
+    ) -> str | None:
+        """Return the result of arithmetic in a part of a text; None if it has errors, which are
+        reported."""
+        amounts, hint = {}, "compute with quantities, such as the coordinates of a position"
+        for name, (parameter, value, _, _) in names.items():
+            if parameter.type in QUANTITIES or parameter.type == "integer":
+                assert isinstance(value, Scalar)
+                amounts[name] = arithmetic.amount_of(value.text, _dimension(parameter.type))
+                continue
+            place = node.text.index(f"${name}", start)
+            span = node.as_text.part(place, place + len(name) + 1)
+            message = f"`${name}` is {article(parameter.type)}, with which nothing can be computed"
+            self._found.report("KYB137", message, span, help=hint)
+            return None
+        try:
+            return arithmetic.result_of(node.text[start:end], amounts)
+        except arithmetic.Mistake as mistake:
+            span = node.as_text.part(start + mistake.start, start + mistake.end)
+            self._found.report("KYB137", str(mistake), span, help=mistake.hint)
+            return None
 
     def _lookup(
         self, name: str, node: Scalar, place: tuple[int, int] | None = None
@@ -347,12 +410,21 @@ def names_in(node: Node) -> Iterator[str]:
             yield from names_in(entry.value)
 
 
-def _placed(value: Node, span: Span, name: str) -> Node:
-    if isinstance(value, Scalar):
-        return value._replace(span=span, parameter=name)
-    if isinstance(value, Sequence):
-        return Sequence(tuple(_placed(item, span, name) for item in value.items), span)
-    return value
+def _placed(value: Node, place: Scalar, declared: BoundParameter) -> Node:
+    """Return a value that takes the place of a scalar. declared: the parameter from which it
+    comes."""
+    written = declared.node.span
+    is_set = written.is_set if written.given else declared.is_set
+    span = place.span._replace(given=written.given or written, is_set=is_set)
+
+    def placed(node: Node) -> Node:
+        if isinstance(node, Scalar):
+            return node._replace(span=span, parameter=place.text)
+        if isinstance(node, Sequence):
+            return Sequence(tuple(map(placed, node.items)), span)
+        return node
+
+    return placed(value)
 
 
 def _literal(value: Node) -> str:

@@ -65,9 +65,8 @@ def resolve(
         whole["world"] = exports.started("worlds", world, world)
     parameters = {name: d.parameter for name, d in declared.declared.items()}
     texts = [source.text for source in files.sources.values()]
-    names_points = any(PREFIX in text for text in texts) or any(
-        isinstance(p.value, str) and p.value.startswith(PREFIX) for p in parameters.values()
-    )
+    texts += [str(parameter.value) for parameter in parameters.values()]
+    names_points = any(PREFIX in text for text in texts)
     at_hand = tuple(exports.names("chains"))
     return Resolved(_with(exports.root, whole), parameters, names_points, at_hand)
 
