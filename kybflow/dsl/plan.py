@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from kybflow.core.files import File
 from kybflow.core.geometry import Vec3
 from kybflow.core.params import FLAT, NAMED, OR_NAME, Field, fields_of, key, record
-from kybflow.core.units import Angle, Duration, Frequency, Position
+from kybflow.core.units import Angle, Duration, Frequency, Length, Path, Position
 from kybflow.dsl.diagnostics import Span, Text
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.language.records import (
@@ -236,6 +236,48 @@ class Start(Record):
     heading: Angle = key("Angle of the nose from east, counter-clockwise.", default=0.0)
 
 
+@record("line of starts")
+class LineOfStarts(Record):
+    """Starts on a line, evenly spaced."""
+
+    begin: Position = key("Position of the first.", key="from")
+    end: Position = key("Position of the last.", key="to")
+
+
+@record("grid of starts")
+class GridOfStarts(Record):
+    """Starts in rows from south to north, each from west to east."""
+
+    at: Position = key("Position of the first, in the south-west.")
+    columns: int = key("Number of vehicles in a row.", at_least=1)
+    spacing: Length = key("Distance between neighbours.", above=0.0)
+
+
+@record("circle of starts")
+class CircleOfStarts(Record):
+    """Starts on a circle, evenly spaced, counter-clockwise from the east."""
+
+    at: Position = key("Centre of the circle.")
+    radius: Length = key("Its radius.", above=0.0)
+
+
+@record("layout of starts")
+class Starts(Record):
+    """Where several vehicles stand before take-off."""
+
+    line: LineOfStarts | None = key("Evenly spaced on a line.", default=None)
+    grid: GridOfStarts | None = key(
+        "In rows from south to north, each from west to east.", default=None
+    )
+    circle: CircleOfStarts | None = key(
+        "Evenly spaced on a circle, counter-clockwise from the east.", default=None
+    )
+    points: Path | None = key("Their positions, one by one.", default=None)
+
+
+MOST_COPIES = 100
+
+
 @record("airframe", like="Start from this airframe.", block=True)
 class Body(Record):
     """An airframe with the cameras that it carries."""
@@ -276,6 +318,14 @@ class VehiclePlan(Record):
     """
 
     name: str
+    count: int | None = key(
+        "Number of vehicles like this one: NAME1, NAME2, ... and the group NAME.",
+        default=None, at_least=1, at_most=MOST_COPIES,
+    )  # fmt: skip
+    starts: Starts | None = key(
+        "Where the vehicles of `count` stand before take-off.", default=None,
+        examples=({"line": {"from": [-1, 0, 0], "to": [1, 0, 0]}},),
+    )  # fmt: skip
     body: Annotated[Body, OR_NAME] = key(
         "Name of an airframe, or its numbers.", key="airframe", default=Body()
     )

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from kybflow.core.params import fields_of
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics import PREFIX, Findings, Span
+from kybflow.dsl.expanding.copies import with_copies
 from kybflow.dsl.expanding.flows import flows_of, with_requests, with_waiting
 from kybflow.dsl.expanding.targets import Target, inputs_of, needed_rate
 from kybflow.dsl.expanding.vehicles import body_of, vehicle_of
@@ -71,6 +72,7 @@ def mission_of(
     world = world_of(root.get("world"), decoder)
     if resolved.names_points:
         root = with_points(root, world.points, found)
+    root = with_copies(root, decoder)
     chosen = Target(root, target, decoder)
     drivers = chosen.drivers()
     chosen.judge_others()

@@ -134,7 +134,7 @@ def _crossed(box: Box) -> str:
 def _obstacle(entry: MappingEntry, decoder: Decoder) -> Obstacle | None:
     """Return the obstacle with its shape, or None if it has errors, which are reported."""
     name, found = entry.key, decoder.found
-    kind = _only_kind(entry, _SOLIDS, "KYB155", "obstacle `{}` is", "nothing solid", found)
+    kind = only_kind(entry, _SOLIDS, "KYB155", "obstacle `{}` is", "nothing solid", found)
     if kind is None:
         return None
     obstacle: Obstacle | None = decoder.record(Obstacle, entry.value, name.span, name=name.text)
@@ -146,7 +146,7 @@ def _obstacle(entry: MappingEntry, decoder: Decoder) -> Obstacle | None:
     return None if shape is None else obstacle.but(shape=shape, files=files)
 
 
-def _only_kind(
+def only_kind(
     entry: MappingEntry, kinds: tuple[str, ...], code: str, what: str, nothing: str, found: Findings
 ) -> str | None:
     """Return the one of `kinds` that an entry has. If it has none or several, report `code` and
@@ -303,7 +303,7 @@ def _tags(entry: MappingEntry, decoder: Decoder) -> Tags | None:
     """Return an entry of `world.tags` with its tags, or None if it has errors, which are
     reported."""
     name, found = entry.key, decoder.found
-    if _only_kind(entry, _OF_TAGS, "KYB380", "tags `{}` are", "nothing", found) is None:
+    if only_kind(entry, _OF_TAGS, "KYB380", "tags `{}` are", "nothing", found) is None:
         return None
     tags: Tags | None = decoder.record(Tags, entry.value, name.span, name=name.text)
     if tags is None:
