@@ -31,8 +31,8 @@ TARGETS = tuple(name for name in BUILT_IN if name not in NO_TARGET)
 """The built-in states that a mission's transitions may lead to."""
 
 
-WORDS = KEYWORDS | {"all", "any", "start", "operator"}
-"""Words that can't be the name of a vehicle, behavior, group or flow."""
+WORDS = KEYWORDS | {"all", "any", "start", "operator", "world"}
+"""Words that can't be the name of a vehicle, behavior, group, flow, input or obstacle."""
 
 
 class Case:

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.actions import actions_of, sets_of
-from kybflow.dsl.checks.case import Case, taken_names
+from kybflow.dsl.checks.case import WORDS, Case, taken_names
 from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, the_fence, values_of
 from kybflow.dsl.diagnostics import Diagnostic, Related, Severity
 from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
@@ -52,8 +52,9 @@ def starts_inside(case: Case) -> Iterator[Diagnostic]:
 
 def named_like_a_vehicle(case: Case) -> Iterator[Diagnostic]:
     """KYB559: an obstacle has the name of a vehicle or a group, so that a collision with it could
-    not be told from one with the vehicle."""
-    taken = taken_names(case.plan)
+    not be told from one with the vehicle, or a reserved word, which means something else in
+    `distance` and `separation`."""
+    taken = taken_names(case.plan) | dict.fromkeys(WORDS, "a reserved word")
     for obstacle in case.plan.world.obstacles:
         if obstacle.name in taken:
             message = f"an obstacle can't be called `{obstacle.name}`"

@@ -14,8 +14,9 @@ from kybflow.dsl.diagnostics import Diagnostic, Span, Text
 from kybflow.dsl.expanding.flows import GROUNDED
 from kybflow.dsl.expressions import Condition
 from kybflow.dsl.expressions.reasoning import implies
+from kybflow.dsl.language.records import layout_of
 from kybflow.dsl.names import BUILT_IN
-from kybflow.dsl.plan import PhasePlan, StatePlan, TransitionPlan, VehiclePlan
+from kybflow.dsl.plan import PhasePlan, StatePlan, TargetKeys, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, MOVING, Leg
 from kybflow.parts.observables import chains_of
 
@@ -315,11 +316,13 @@ def reserved_names(case: Case) -> Iterator[Diagnostic]:
 
     Reserved are the built-in states (landed, brake, hover, auto_land, land_blind, fault), the words
     of conditions and events (and, or, not, in, to, within, always, eventually, finally, all, any,
-    start, operator), `*` and `=`.
+    start, operator, world), `*` and `=`; for a vehicle also `inputs`, a key of the targets.
     """
     for vehicle in case.plan.vehicles:
         if vehicle.name in WORDS | _MARKS:
             yield _reserved(vehicle, "vehicle", "a reserved word")
+        elif vehicle.name in layout_of(TargetKeys).own:
+            yield _reserved(vehicle, "vehicle", "a key of `targets`")
         for state in vehicle.states.values():
             if state.name in BUILT_IN:
                 yield _reserved(state, "behavior", "a built-in state")

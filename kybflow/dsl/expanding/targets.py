@@ -14,7 +14,7 @@ from kybflow.core.signals import MeasurementKind
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics import Findings, Severity, Span, Text
 from kybflow.dsl.language.decode import Decoder
-from kybflow.dsl.language.records import Source
+from kybflow.dsl.language.records import Source, layout_of
 from kybflow.dsl.plan import InputPlan, PartPlan, Place, SensorPlan, TargetKeys, VehiclePlan
 from kybflow.dsl.reading.nodes import (
     Mapping,
@@ -35,7 +35,8 @@ CODES = {
     "KYB390": "A sensor is assigned to an estimator that the vehicle doesn't have.",
     "KYB400": "A target replaces an input that the mission doesn't have, or a vehicle is called "
     "`inputs`, which is a key of every target.",
-    "KYB408": "Two names in `buttons` for one button of the device.",
+    "KYB408": "Two names in `buttons` for one button of the device, or one that is a key of the "
+    "input, such as `dead_man`.",
 }
 _NOT_HERE = frozenset({"KYB140", "KYB141", "KYB370"})
 FILE = "--target"
@@ -295,6 +296,10 @@ def _input(own: Scalar, node: Node, decoder: Decoder) -> InputPlan | None:
     buttons = one.entry("buttons")
     for name, entry in entries_of(None if buttons is None else buttons.value).items():
         device = one.buttons[name]
+        if name in layout_of(InputPlan).keys:
+            message = f"a button can't be called `{name}`, which is a key of an input"
+            hint = f"write `{name}: ...` beside `buttons` if that is meant, or another name"
+            decoder.found.report("KYB408", message, entry.key.span, help=hint)
         if device in given:
             message = f"the button `{device}` can't be both `{given[device]}` and `{name}`"
             decoder.found.report(

@@ -358,11 +358,10 @@ class _Parser:
         vehicles, obstacles = dict[str, None](), dict[str, None]()
         token = self._name("a vehicle, a group or `all`")
         while True:
-            obstacle = self._semantics.obstacle(token)
-            if obstacle is not None:
-                obstacles[obstacle] = None
-            elif token.text == "all" and "all" not in self._scope.vehicles:
+            if token.text == "all" and "all" not in self._scope.vehicles:
                 vehicles |= dict.fromkeys(self._scope.vehicles)
+            elif (obstacle := self._semantics.obstacle(token)) is not None:
+                obstacles[obstacle] = None
             else:
                 members = self._scope.groups.get(token.text)
                 vehicles |= dict.fromkeys(members or (self._semantics.vehicle(token),))
