@@ -219,7 +219,9 @@ class _Draw:
             return
         if scenario == "lift":
             own = [s for s in vehicle.states.values() if not s.built_in]
-            takes_off = [s.name for s in own if any(leg.end is AIR for leg in s.legs)]
+            takes_off = [
+                s.name for s in own if any(g.start is GROUND and g.end is AIR for g in s.legs)
+            ]
             height = f"{100.0 * _between(rng, 0.005, 0.8):.3g} cm"
             rises = f"behavior == {rng.choice(takes_off)} and state.altitude > {height}"
             fault, lasts = self._fault(vehicle, _LIFTED), self._lasts()
