@@ -51,7 +51,7 @@ _ESTIMATORS = (
 )
 _FAILSAFE = ("brake", "auto_land", "land_blind")
 _TRIES = 50
-_CHEAP = 2.0
+_CHEAP = 1.0
 """What costs more than so many vehicles is drawn the more rarely."""
 
 
