@@ -8,7 +8,7 @@ messages as their little-endian bytes in order, without padding (https://wiki.ro
 from __future__ import annotations
 
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from itertools import chain
 from operator import itemgetter
@@ -29,10 +29,13 @@ from kybflow.core.signals import (
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.dsl.resolving.library_files import without_homes
 from kybflow.parts import AIR
+from kybflow.parts.link import Contact
+from kybflow.world.objects import ObjectState
 
 PACKAGE = "kybflow"
 EVENTS_TOPIC = "/events"
 OBSTACLES_TOPIC = "/obstacles"
+OBJECTS_TOPIC = "/objects"
 METADATA = "kybflow"
 
 RATE = 50
@@ -68,6 +71,23 @@ OBSTACLES_SCHEMA = {
             "seen_s": {"type": "number"},
             "position": {"type": "array", "items": {"type": "number"}},
             "radius": {"type": "number"},
+        },
+    },
+}
+
+OBJECTS_SCHEMA = {
+    "title": f"{PACKAGE}/Objects",
+    "type": "object",
+    "additionalProperties": {
+        "type": "object",
+        "properties": {
+            **{
+                key: {"type": "array", "items": {"type": "number"}}
+                for key in ("position", "attitude", "velocity")
+            },
+            "q": {"type": "number"},
+            "speed": {"type": "number"},
+            "force_n": {"type": "object", "additionalProperties": {"type": "number"}},
         },
     },
 }
@@ -180,6 +200,18 @@ def obstacles_record(seen: SeenObstacles) -> dict[str, Any]:
         name: {"seen_s": one.time / NS, "position": one.position, "radius": one.radius}
         for name, one in seen.items()
     }
+
+
+def objects_record(
+    states: Mapping[str, ObjectState], forces: Mapping[Contact, float]
+) -> dict[str, Any]:
+    """Return the true state of the objects as written to `/objects`, by name: pose and velocity
+    (world; metres, quaternion w x y z), the joint's coordinate and its rate, and the force with
+    which each vehicle presses each surface, by `VEHICLE.SURFACE`."""
+    pressed: dict[str, dict[str, float]] = {name: {} for name in states}
+    for (vehicle, name, surface), force in forces.items():
+        pressed[name][f"{vehicle}.{surface}"] = round(force, 4)
+    return {name: one._asdict() | {"force_n": pressed[name]} for name, one in states.items()}
 
 
 def head(plan: Plan) -> dict[str, Any]:

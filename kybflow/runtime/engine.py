@@ -34,7 +34,12 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Judge
 from kybflow.runtime.fleet.callbacks import Callbacks, RunControls
 from kybflow.runtime.fleet.flows import Flows
-from kybflow.runtime.fleet.ground_truth import Excursions, Impacts, PayloadDrops
+from kybflow.runtime.fleet.ground_truth import (
+    Excursions,
+    Impacts,
+    ObjectContacts,
+    PayloadDrops,
+)
 from kybflow.runtime.fleet.injection import Injection
 from kybflow.runtime.fleet.inputs import Inputs
 from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
@@ -107,7 +112,8 @@ class Engine:
         links = {name: link for session in sessions for name, link in session.links.items()}
         active = {name: link.faults for name, link in links.items() if link.faults is not None}
         self.injection = Injection(plan.faults, active, self._condition, events, seed)
-        self.impacts = Impacts(self.vehicles, links, events, plan.touchable)
+        self.impacts = Impacts(self.vehicles, links, events, plan.touchable, plan.objects)
+        self.contacts = ObjectContacts(self._sessions if plan.objects else (), events)
         self.excursions = Excursions(self.vehicles, plan.fence, events)
         self.drops = PayloadDrops(self.vehicles, events)
         self._ticks = TickCount(clock)
@@ -196,6 +202,7 @@ class Engine:
             self.callbacks.step()
         if self.callbacks.watching:
             self.callbacks.watch()
+        self.contacts.step(now, dt)
         self.judge.sample()
         self._advance()
 
