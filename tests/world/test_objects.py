@@ -24,7 +24,8 @@ CAR = WorldObject(
     "car", (1.0, 2.0, 0.8), (0.2, 0.2, 0.1), 1.0, joint=SlideJoint((2.0, 0.0, 0.0), -1, 3)
 )
 BAR = WorldObject(
-    "bar", (0.0, 0.0, 0.2), (0.1, 1.2, 0.1), 0.5, on="car", joint=TurnJoint((0.0, 0.0, 1.0), -1.0, 1.0),
+    "bar", (0.0, 0.0, 0.2), (0.1, 1.2, 0.1), 0.5, on="car",
+    joint=TurnJoint((0.0, 0.0, 1.0), -1.0, 1.0),
     surfaces=(ObjectSurface("left", (-0.05, 0.5, 0.0), (-3.0, 0.0, 0.0), 0.4, 0.3),),
 )  # fmt: skip
 EVERY = {"bar": BAR, "car": CAR}
