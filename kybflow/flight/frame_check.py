@@ -482,11 +482,11 @@ def explained(pairs: Iterable[tuple[Vec3, Vec3]]) -> str:
     to check: another scale, or the axes of which up to three fit best. pairs: (seen, felt), m/s^2,
     in the frame of the poses."""
     both = list(pairs)
-    felt_square = sum(dot(felt, felt) for _, felt in both)
-    total = felt_square + sum(dot(seen, seen) for seen, _ in both)
-    factor = max(sum(dot(seen, felt) for seen, felt in both) / max(felt_square, 1e-9), 0.0)
-    scaled = sum(_square(sub(seen, scale(felt, factor))) for seen, felt in both)
-    rest = [sum(axes.left(seen, felt) for seen, felt in both) for axes in _ALL_AXES]
+    felt_square = fsum(dot(felt, felt) for _, felt in both)
+    total = felt_square + fsum(dot(seen, seen) for seen, _ in both)
+    factor = max(fsum(dot(seen, felt) for seen, felt in both) / max(felt_square, 1e-9), 0.0)
+    scaled = fsum(_square(sub(seen, scale(felt, factor))) for seen, felt in both)
+    rest = [fsum(axes.left(seen, felt) for seen, felt in both) for axes in _ALL_AXES]
     least = min(rest)
     if min(least, scaled) > _BEST_SHARE * total:
         return (
