@@ -283,9 +283,6 @@ class ObjectParams(Record):
     surfaces: Annotated[tuple[SurfaceParams, ...], NAMED] = key(
         "Surfaces at which vehicles push it, by name.", default=()
     )
-    body: str | None = key(
-        "Its name in motion capture; by default that of the object.", default=None
-    )
 
     @property
     def made(self) -> WorldObject:
@@ -293,7 +290,7 @@ class ObjectParams(Record):
         surfaces = (ObjectSurface(s.name, s.at, s.facing, s.width, s.height) for s in self.surfaces)
         return WorldObject(
             self.name, self.at, self.size, self.mass, self.on, self.heading,
-            self.slide or self.turn, self.grip, tuple(surfaces), self.body or self.name,
+            self.slide or self.turn, self.grip, tuple(surfaces),
         )  # fmt: skip
 
 

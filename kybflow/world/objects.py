@@ -104,7 +104,7 @@ class ObjectSurface(NamedTuple):
 class WorldObject(NamedTuple):
     """An object. at: its centre. size: along its axes. mass: with its surfaces. on: the object that
     it is on, None for the world. joint: None if it is free or, on another object, a part of it.
-    grip: the coefficient of friction of its faces. body: its name in motion capture."""
+    grip: the coefficient of friction of its faces."""
 
     name: str
     at: Vec3
@@ -115,7 +115,6 @@ class WorldObject(NamedTuple):
     joint: SlideJoint | TurnJoint | None = None
     grip: float = GRIP
     surfaces: tuple[ObjectSurface, ...] = ()
-    body: str = ""
 
     @property
     def is_free(self) -> bool:
