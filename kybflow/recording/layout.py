@@ -30,7 +30,7 @@ from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.dsl.resolving.library_files import without_homes
 from kybflow.parts import AIR
 from kybflow.parts.link import Contact
-from kybflow.world.objects import ObjectState
+from kybflow.world.objects import WORLD, ObjectState, corners
 
 PACKAGE = "kybflow"
 EVENTS_TOPIC = "/events"
@@ -215,7 +215,9 @@ def objects_record(
 
 
 def head(plan: Plan) -> dict[str, Any]:
-    """Return the metadata of a recording: the facts about the mission that its readers need."""
+    """Return the metadata of a recording: the facts about the mission that its readers need. The
+    objects are their boxes and plates: corners in the object's axes."""
+    objects = {name: [*corners(one, WORLD)] for name, one in plan.objects.items()}
     return {
         "mission": plan.mission,
         "summary": plan.summary,
@@ -224,6 +226,7 @@ def head(plan: Plan) -> dict[str, Any]:
         "control_rate": plan.control_rate,
         "fence": [plan.fence.low, plan.fence.high] if plan.fence else None,
         "vehicles": {v.name: _vehicle(v, plan) for v in plan.vehicles},
+        **({"objects": objects} if objects else {}),
     }
 
 
