@@ -71,9 +71,7 @@ def test_a_contact_is_an_event_and_a_curve(run: Run) -> None:
     told = [e for e in run.events if e["event"].startswith("contact_")]
     assert told[0]["event"] == "contact_began"
     assert told[0]["fields"] == {"object": "bar", "surface": "left"}
-    begins, ends = (
-        [e for e in told if e["event"] == n] for n in ("contact_began", "contact_ended")
-    )
+    names = [e["event"] for e in told]
     assert names.count("contact_began") == names.count("contact_ended")
     drawn = {figure.name: figure for figure in figures(run)}
     assert [trace["name"] for trace in drawn["contacts"].traces] == ["bar: v on left"]
