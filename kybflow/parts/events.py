@@ -623,8 +623,7 @@ class ContactBegan(VehicleEvent):
 
 
 class ContactEnded(VehicleEvent):
-    """The vehicle no longer touches an object. lasted: for how long it did. force: the greatest
-    force meanwhile, averaged over 50 ms."""
+    """The vehicle no longer touches an object, which it pressed for `lasted`, by up to `force`."""
 
     awaited = "nowhere"
     object: str
