@@ -37,6 +37,7 @@ from studies.random_faults import draw  # noqa: E402
 from toolchain import with_library  # noqa: E402
 
 from kybflow.api.flight import RunRequest, fly  # noqa: E402
+from kybflow.core.signals import NS  # noqa: E402
 
 CPU_LIMIT = 900.0
 """Seconds of processor time after which a flight counts as endless."""
@@ -70,12 +71,14 @@ def flown(seed: int, keep: Path | None = None) -> dict[str, Any]:
         record: dict[str, Any] = {
             "seed": seed, "mission": drawn.mission, "target": drawn.target,
             "scenario": drawn.scenario, "hover": drawn.hover, "faults": drawn.faults,
+            "commands": [f"{c.heard / NS:.2f} s {c.by}: {c.command}" for c in drawn.commands],
         }  # fmt: skip
         told: list[str] = []
         try:
             with limited():
                 events = (lambda event: told.append(event.name),)
-                run = fly(drawn.plan, RunRequest(seed=seed, out=out), events)
+                request = RunRequest(seed=seed, out=out, again=drawn.commands)
+                run = fly(drawn.plan, request, events)
                 record |= _outcome(run.summary) | _judged(judge(drawn.plan, out, run.summary))
         except Endless:
             record["findings"] = [["endless", "", 0.0, CPU_LIMIT]]

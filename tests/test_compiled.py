@@ -97,6 +97,15 @@ def test_what_it_says_of_itself_is_the_same(wheel: Path, words: tuple[str, ...])
     assert said.returncode == 0, said.stderr
 
 
+def test_its_flight_maths_pass_their_tests(wheel: Path) -> None:
+    """What missions seldom reach, such as an alarm, must not raise when it is compiled."""
+    tests = ROOT / "tests"
+    words = ("-m", "pytest", "-q", "-p", "no:cacheprovider", str(tests / "flight"))
+    supervisors = str(tests / "runtime" / "supervisors")
+    judged = ran((wheel, tests / "support"), *words, supervisors)
+    assert judged.returncode == 0, judged.stdout
+
+
 def test_every_part_keeps_the_contract_a_labs_own_too(wheel: Path, lab: Path) -> None:
     contract = str(ROOT / "tests" / "parts" / "test_part_contract.py")
     judged = ran((wheel, lab), "-m", "pytest", "-q", "-p", "no:cacheprovider", contract)

@@ -4,13 +4,17 @@
 long hover after take-off or a second estimator, and with faults of the catalog. A fault is drawn by
 what it declares: a choice among its words, a number between its bounds and around its default, or
 of the size of its dimension. A new fault, a new mission and a new state are drawn without an edit.
+
+Four scenarios break what labs break: `frame` declares motion capture wrongly, from the start or in
+flight; `lift` breaks something in the first decimetres of a take-off; `fleet` breaks the same thing
+on every vehicle at once; `people` gives commands, most of them in a hurry, beside a fault.
 """
 
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
-from math import exp, log
+from collections.abc import Iterator, Sequence
+from math import exp, log, pi
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,13 +22,19 @@ import yaml
 from toolchain import SHIPPED
 
 from kybflow.core.params import Field
+from kybflow.core.signals import NS
+from kybflow.core.units import ANGLE
 from kybflow.dsl.compiler import compile_mission
 from kybflow.dsl.plan import Plan, VehiclePlan
-from kybflow.parts import GROUND
+from kybflow.parts import AIR, GROUND
 from kybflow.parts.catalog import PartSpec, load_catalog
+from kybflow.runtime.commanding.command_queue import RecordedCommand
 
 TARGETS = ("sim", "sim", "emulated_px4", "emulated_ardupilot", "emulated_ardrone")
-SCENARIOS = ("pair", "chatter", "landing", "late", "strong", "many")
+SCENARIOS = (
+    "pair", "chatter", "landing", "late", "strong", "many", "frame", "lift", "fleet", "people",
+)  # fmt: skip
+_LIFTED = ("mocap_frame", "clock_late", "link_cut", "rotor_weak", "mass_change", "push")
 _SIZES = {
     "number": 1.0, "length": 0.3, "speed": 1.2, "acceleration": 0.2, "angle": 0.05,
     "angular rate": 0.01, "duration": 0.3, "mass": 0.03, "ratio": 0.3,
@@ -41,14 +51,14 @@ _ESTIMATORS = (
 )
 _FAILSAFE = ("brake", "auto_land", "land_blind")
 _TRIES = 50
-_CHEAP = 2.0
+_CHEAP = 1.0
 """What costs more than so many vehicles is drawn the more rarely."""
 
 
 class Drawn(NamedTuple):
     """A flight that was drawn. hover: the seconds that were added after take-off. faults: the lines
     of `faults:` that were added. path: the mission, which has been written there. plan: it is
-    valid."""
+    valid. commands: what people command."""
 
     seed: int
     mission: str
@@ -58,6 +68,7 @@ class Drawn(NamedTuple):
     faults: tuple[str, ...]
     path: Path
     plan: Plan
+    commands: tuple[RecordedCommand, ...]
 
 
 def draw(seed: int, folder: Path) -> Drawn:
@@ -88,7 +99,22 @@ def _drawn(seed: int, rng: random.Random, folder: Path) -> Drawn | None:
     plan = _written(path, text, target)
     if plan is None:
         return None
-    return Drawn(seed, source.stem, target, scenario, hover, faults, path, plan)
+    commands = tuple(_commands(rng, plan)) if scenario == "people" else ()
+    return Drawn(seed, source.stem, target, scenario, hover, faults, path, plan, commands)
+
+
+def _commands(rng: random.Random, plan: Plan) -> Iterator[RecordedCommand]:
+    """Draw what two people command; what the run refuses changes nothing."""
+    heard = rng.uniform(1.0, 12.0)
+    for _ in range(rng.randint(1, 5)):
+        vehicle = rng.choice(plan.vehicles)
+        states = [name for name, state in vehicle.states.items() if not state.built_in]
+        texts = (
+            f"land {vehicle.name}", "land", f"pause {vehicle.name}", "pause", "resume", "stop",
+            f"switch {vehicle.name} {rng.choice(states)}", f"reset {vehicle.name}",
+        )  # fmt: skip
+        yield RecordedCommand(round(heard * NS), rng.choice(texts), rng.choice("ab"), True)
+        heard += _between(rng, 0.02, 8.0)
 
 
 def _cost(plan: Plan) -> float:
@@ -181,6 +207,26 @@ class _Draw:
         if scenario == "chatter":
             yield from self._chatter(vehicle, when)
             return
+        if scenario == "fleet":
+            when, fault, lasts = self._when(vehicle), self._fault(vehicle), self._lasts()
+            at = when if not when.condition else _When("", rng.uniform(2.0, 25.0 + self._hover))
+            for each in self._plan.vehicles:
+                yield self._line(each, fault, at, lasts)
+            return
+        if scenario == "frame":
+            when = _When("", 0.0) if rng.random() < 0.5 else when
+            yield self._line(vehicle, self._fault(vehicle, ("mocap_frame",)), when, None)
+            return
+        if scenario == "lift":
+            own = [s for s in vehicle.states.values() if not s.built_in]
+            takes_off = [
+                s.name for s in own if any(g.start is GROUND and g.end is AIR for g in s.legs)
+            ]
+            height = f"{100.0 * _between(rng, 0.005, 0.8):.3g} cm"
+            rises = f"behavior == {rng.choice(takes_off)} and state.altitude > {height}"
+            fault, lasts = self._fault(vehicle, _LIFTED), self._lasts()
+            yield self._line(vehicle, fault, _When(rises), lasts)
+            return
         for number in range(rng.randint(3, 5) if scenario == "many" else rng.randint(1, 2) + 1):
             if number and rng.random() < 0.4:
                 when = when.later(rng.uniform(0.0, 3.0))
@@ -235,12 +281,13 @@ class _Draw:
         others = [s.name for s in own if s.name not in lands]
         return (lands if ends_on_ground else others) or [s.name for s in own]
 
-    def _fault(self, vehicle: VehiclePlan) -> str:
-        """`inject: NAME, PARAMETER: VALUE ...` of a fault that this vehicle can have."""
+    def _fault(self, vehicle: VehiclePlan, among: Sequence[str] = ()) -> str:
+        """`inject: NAME, PARAMETER: VALUE ...` of a fault that this vehicle can have, of those in
+        `among` if it can have any of these."""
         rng, catalog = self._rng, load_catalog()
         specs = [catalog.get("faults", name) for name in catalog.names("faults")]
         fitting = [spec for spec in specs if self._fits(spec, vehicle)]
-        spec = rng.choice(fitting)
+        spec = rng.choice([spec for spec in fitting if spec.name in among] or fitting)
         given = {field.name: self._drawn(field, vehicle) for field in spec.fields}
         parameters = [f"{name}: {value}" for name, value in given.items() if value is not None]
         return ", ".join([f"inject: {spec.name}", *parameters])
@@ -262,7 +309,7 @@ class _Draw:
         if field.names == "estimator":
             return rng.choice([u.part.label.rpartition(".")[2] for u in vehicle.estimators])
         if field.choices:
-            return rng.choice(field.choices)
+            return rng.choice(field.choices if field.default else (*field.choices, None, None))
         if field.shape == "vector":
             numbers = [rng.choice((-1.0, 0.0, 1.0)) * self._size(field) + 0.0 for _ in range(3)]
             return "[" + ", ".join(_quantity(field, n) for n in numbers) + "]"
@@ -275,6 +322,8 @@ class _Draw:
         zero, else around what its dimension says."""
         assert field.dimension is not None
         usual = field.default if isinstance(field.default, float) else 0.0
+        if self._scenario == "frame" and field.dimension is ANGLE:
+            return pi * self._rng.choice((-0.5, -0.25, 0.0, 0.0, 0.25, 0.5, 1.0))
         usual = abs(usual) or _SIZES[field.dimension.name]
         return usual * (_between(self._rng, 1.0, _STRONG) if self._strong else self._factor())
 

@@ -133,6 +133,10 @@ def fly(
         watching: list[Observer] = [record]
         if plan.moving:
             watching.append(lambda e: recorder.obstacles(e.clock.now, e.moving.seen))
+        if plan.objects:
+            watching.append(
+                lambda e: recorder.objects(e.clock.now, e.contacts.states, e.contacts.forces)
+            )
         watching += observers
         if any(vehicle.cameras for vehicle in plan.vehicles):
             watching.append(Pictures(folder))

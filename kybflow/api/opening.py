@@ -199,7 +199,7 @@ def context_of(plan: Plan, vehicle: VehiclePlan) -> VehicleContext:
         vehicle.name, airframe, vehicle.start, vehicle.heading, plan.fence,
         period, vehicle.home, plan.obstacles, sizes, plan.tags, vehicle.cameras,
         vehicle.payload, inner, starts, plan.groups, plan.touchable, plan.moving,
-        delay_margin(outer, inner),
+        delay_margin(outer, inner), plan.objects,
     )  # fmt: skip
 
 

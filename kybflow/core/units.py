@@ -58,6 +58,9 @@ FREQUENCY = Dimension("frequency", "Hz", {"Hz": 1.0, "kHz": 1e3}, "120 Hz")
 MASS = Dimension("mass", "kg", {"kg": 1.0, "g": 1e-3}, "1.05 kg")
 INERTIA = Dimension("inertia", "kg m^2", {"kg m^2": 1.0, "g m^2": 1e-3}, "0.012 kg m^2")
 FORCE = Dimension("force", "N", {"N": 1.0, "mN": 1e-3}, "2.3 N")
+TORQUE = Dimension("torque", "N m", {"N m": 1.0, "mN m": 1e-3}, "0.1 N m")
+VISCOSITY = Dimension("viscous friction", "N s/m", {"N s/m": 1.0}, "0.3 N s/m")
+ROTARY_VISCOSITY = Dimension("rotary viscous friction", "N m s", {"N m s": 1.0}, "0.02 N m s")
 RATIO = Dimension("ratio", "", {"%": 1e-2}, "20 %")
 DAMPING = Dimension("rate constant", "1/s", {"1/s": 1.0}, "0.25 1/s")
 VOLTAGE = Dimension("voltage", "V", {"V": 1.0, "mV": 1e-3}, "14.8 V")
@@ -66,7 +69,8 @@ DIMENSIONS: dict[str, Dimension] = {
     d.name: d
     for d in (
         NUMBER, LENGTH, SPEED, ACCELERATION, ANGLE, ANGULAR_RATE, ANGULAR_ACCELERATION, DURATION,
-        FREQUENCY, MASS, INERTIA, FORCE, RATIO, DAMPING, VOLTAGE,
+        FREQUENCY, MASS, INERTIA, FORCE, TORQUE, VISCOSITY, ROTARY_VISCOSITY, RATIO, DAMPING,
+        VOLTAGE,
     )
 }  # fmt: skip
 """Every dimension, by name."""
@@ -84,6 +88,9 @@ Frequency = Annotated[float, FREQUENCY]
 Mass = Annotated[float, MASS]
 Inertia = Annotated[float, INERTIA]
 Force = Annotated[float, FORCE]
+Torque = Annotated[float, TORQUE]
+Viscosity = Annotated[float, VISCOSITY]
+RotaryViscosity = Annotated[float, ROTARY_VISCOSITY]
 Ratio = Annotated[float, RATIO]
 """A fraction; 1.0 is 100 %."""
 Damping = Annotated[float, DAMPING]

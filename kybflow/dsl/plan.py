@@ -43,6 +43,7 @@ from kybflow.dsl.world import CameraPlan, World
 from kybflow.parts import Footprint, Leg
 from kybflow.parts.observables import chains_of
 from kybflow.world.cameras import Camera
+from kybflow.world.objects import WorldObject
 from kybflow.world.shapes import Box, MovingSphere, Shape
 from kybflow.world.tags import TagMap
 from kybflow.world.vehicle_context import NO_TAGS, Airframe, Parcel
@@ -937,6 +938,7 @@ class Plan(Shared):
     """The mission after imports, `like`, parameters and defaults, as YAML text."""
     obstacles: dict[str, Shape] = field(default_factory=dict)
     moving: dict[str, MovingSphere] = field(default_factory=dict)
+    objects: dict[str, WorldObject] = field(default_factory=dict)
     touchable: frozenset[str] = frozenset()
     """The obstacles that vehicles may touch."""
     watching: dict[str, tuple[str, PartPlan]] = field(default_factory=dict)

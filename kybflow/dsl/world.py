@@ -15,11 +15,21 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from kybflow.core.files import File
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.params import NAMED, key, record
-from kybflow.core.units import NUMBER, Angle, Duration, Frequency, Length, Position
+from kybflow.core.units import (
+    NUMBER,
+    Angle,
+    Duration,
+    Frequency,
+    Length,
+    Mass,
+    Number,
+    Position,
+)
 from kybflow.dsl.calibration_file import read_calibration
 from kybflow.dsl.language.records import Record
 from kybflow.vision.tags import FAMILIES, MAX_TAG, read_tags
 from kybflow.world.cameras import Camera
+from kybflow.world.objects import GRIP, ObjectSurface, SlideJoint, TurnJoint, WorldObject
 from kybflow.world.obstacle_files import read_image, read_info, read_points
 from kybflow.world.scanned import MAX_RANGE
 from kybflow.world.shapes import Box, MovingSphere, Shape
@@ -240,6 +250,50 @@ class Tags(Record):
     lines: tuple[int, ...] = ()
 
 
+@record("surface", missing="KYB108")
+class SurfaceParams(Record):
+    """A flat surface, where vehicles push an object."""
+
+    name: str
+    at: Position = key("Its centre, in the object's axes.")
+    facing: Annotated[Vec3, NUMBER] = key("Direction out of it, of any length.")
+    width: Length = key("Its width.", above=0.0)
+    height: Length = key("Its height.", above=0.0)
+
+
+@record("object", missing="KYB108", terse=True)
+class ObjectParams(Record):
+    """An object that moves: a box, with a thin plate at each surface.
+
+    Without a joint (`slide` or `turn`) it is free or, on another object, a part of it.
+    """
+
+    name: str
+    at: Position = key("Its centre, world frame, or in the axes of the object that it is on.")
+    size: Position = key("Its size along its axes.", above=0.0)
+    mass: Mass = key("Its mass, with its surfaces.", above=0.0)
+    on: str | None = key("The object that it is on; without it, the world.", default=None)
+    heading: Angle = key("Its heading at the start.", default=0.0)
+    slide: SlideJoint | None = key("A joint along which it slides.", default=None)
+    turn: TurnJoint | None = key("A joint about which it turns.", default=None)
+    grip: Number = key(
+        "Coefficient of friction of its faces and surfaces.",
+        default=GRIP, at_least=0.0, at_most=2.0,
+    )  # fmt: skip
+    surfaces: Annotated[tuple[SurfaceParams, ...], NAMED] = key(
+        "Surfaces at which vehicles push it, by name.", default=()
+    )
+
+    @property
+    def made(self) -> WorldObject:
+        """The object."""
+        surfaces = (ObjectSurface(s.name, s.at, s.facing, s.width, s.height) for s in self.surfaces)
+        return WorldObject(
+            self.name, self.at, self.size, self.mass, self.on, self.heading,
+            self.slide or self.turn, self.grip, tuple(surfaces),
+        )  # fmt: skip
+
+
 @record("world", like="Start from this world: mappings merge, `null` removes.", block=True)
 class World(Record):
     """The world that the vehicles fly in."""
@@ -250,6 +304,9 @@ class World(Record):
         default={}, each="A place.",
     )  # fmt: skip
     obstacles: Annotated[tuple[Obstacle, ...], NAMED] = key("Obstacles, by name.", default=())
+    objects: Annotated[tuple[ObjectParams, ...], NAMED] = key(
+        "Objects that move and that vehicles may touch, by name.", default=()
+    )
     tags: Annotated[tuple[Tags, ...], NAMED] = key(
         "Printed tags for localization, by name.", default=()
     )

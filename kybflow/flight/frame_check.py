@@ -8,9 +8,12 @@ integrated to an attitude R, a velocity v and a position x in the frame of the p
     R' = R [w],    v' = R f - g e3,    x' = v
 
 R follows the attitude of the poses with the time constant `CORRECTION_TIME_S`, because the integral
-of w drifts. v and x drift too, but a constant and a linear error of x vanish in the second
-difference over three moments h apart, which for the positions p of the poses and for x is the mean
-acceleration, weighted by a triangle (as if two accelerometers were compared):
+of w drifts. Once the frame is confirmed (`CONFIRMING_COMPARISONS`), it does so with
+`CONFIRMED_TIME_S`, and the bias of w follows too: otherwise a gyroscope whose bias has changed by
+0.03 rad/s would tilt R by 7 degrees and accuse the poses. v and x drift too, but a constant and a
+linear error of x vanish in the second difference over three moments h apart, which for the
+positions p of the poses and for x is the mean acceleration, weighted by a triangle (as if two
+accelerometers were compared):
 
     a(y) = (y(t) - 2 y(t - h) + y(t - 2 h)) / h^2,    difference = a(p) - a(x)
 
@@ -80,9 +83,9 @@ CONFIRMING_COMPARISONS = 120
 """Comparisons, 6 s with the rotors turning, that confirm a frame: a position loop that is closed
 over a wrong one diverges sooner."""
 NOISE_SIGMAS = 4.0
-CORRECTION_TIME_S, CORRECTION_COMPARISONS = 4.0, 5
-"""Time constant with which the attitude follows the poses, s, and how many comparisons pass between
-two corrections."""
+CORRECTION_TIME_S, CONFIRMED_TIME_S, CORRECTION_COMPARISONS = 4.0, 1.0, 5
+"""Time constants with which the attitude follows the poses, s, before and after the frame is
+confirmed, and how many comparisons pass between two corrections."""
 MAX_CORRECTION = radians(2.0)
 """The largest difference of the attitudes, rad, by which the attitude is corrected until the frame
 is confirmed. That of a wrong frame is larger, and that of an integral of w is smaller at first."""
@@ -255,7 +258,7 @@ class FrameCheck:
             self._compare(time, pose.position, late)
             self._steps += 1
             if self._steps % CORRECTION_COMPARISONS == 0:
-                self._follow(pose, CORRECTION_COMPARISONS * seconds / CORRECTION_TIME_S)
+                self._follow(pose, CORRECTION_COMPARISONS * seconds)
 
     def _gathered(self, time: Time) -> tuple[float, float, Vec3, Vec3]:
         """Return how long the waiting samples last, s, by how much the last one is newer than
@@ -350,16 +353,21 @@ class FrameCheck:
         self._acceleration = (dx / seconds, dy / seconds, dz / seconds)
         self._attitude = integrate(self._attitude, turned, 1.0)
 
-    def _follow(self, pose: Pose, share: float) -> None:
-        """Move the attitude and the velocity towards those of the poses, as far as these agree with
-        the IMU."""
+    def _follow(self, pose: Pose, seconds: float) -> None:
+        """Move the attitude, the bias and the velocity towards those of the poses, as far as these
+        agree with the IMU. seconds: since this was last done."""
         attitude = self._attitude
         w, x, y, z = multiply(conjugate(attitude), multiply(pose.attitude, self._levelled))
-        turn, angle = 2.0 * share, 2.0 * sqrt(x * x + y * y + z * z)
-        if angle > MAX_CORRECTION and not self.is_confirmed:
-            turn *= MAX_CORRECTION / angle
-        self._attitude = integrate(attitude, (x, y, z), turn if w > 0.0 else -turn)
+        turn, angle = 2.0 if w > 0.0 else -2.0, 2.0 * sqrt(x * x + y * y + z * z)
+        if self.is_confirmed:
+            learned = -0.25 * turn * seconds / CONFIRMED_TIME_S**2  # critically damped
+            self._turned = add(self._turned, scale((x, y, z), learned))
+            turn *= seconds / CONFIRMED_TIME_S
+        else:
+            turn *= seconds / CORRECTION_TIME_S * min(1.0, MAX_CORRECTION / max(angle, 1e-9))
+        self._attitude = integrate(attitude, (x, y, z), turn)
         if self._agrees:
+            share = seconds / CORRECTION_TIME_S
             self._offset = _mixed(self._offset, self._slope, share)
 
     def _compare(self, time: Time, seen: Vec3, late: float) -> None:
@@ -474,11 +482,11 @@ def explained(pairs: Iterable[tuple[Vec3, Vec3]]) -> str:
     to check: another scale, or the axes of which up to three fit best. pairs: (seen, felt), m/s^2,
     in the frame of the poses."""
     both = list(pairs)
-    felt_square = sum(dot(felt, felt) for _, felt in both)
-    total = felt_square + sum(dot(seen, seen) for seen, _ in both)
-    factor = max(sum(dot(seen, felt) for seen, felt in both) / max(felt_square, 1e-9), 0.0)
-    scaled = sum(_square(sub(seen, scale(felt, factor))) for seen, felt in both)
-    rest = [sum(axes.left(seen, felt) for seen, felt in both) for axes in _ALL_AXES]
+    felt_square = fsum(dot(felt, felt) for _, felt in both)
+    total = felt_square + fsum(dot(seen, seen) for seen, _ in both)
+    factor = max(fsum(dot(seen, felt) for seen, felt in both) / max(felt_square, 1e-9), 0.0)
+    scaled = fsum(_square(sub(seen, scale(felt, factor))) for seen, felt in both)
+    rest = [fsum(axes.left(seen, felt) for seen, felt in both) for axes in _ALL_AXES]
     least = min(rest)
     if min(least, scaled) > _BEST_SHARE * total:
         return (

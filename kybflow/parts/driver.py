@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import CommandKind, MeasurementKind, Time
 from kybflow.parts.base import Claim, Objection, P, Part
-from kybflow.parts.link import Link
+from kybflow.parts.link import Link, SimulatedScene
 from kybflow.world.vehicle_context import Airframe, InnerLoop, Parcel, VehicleContext
 
 if TYPE_CHECKING:
@@ -41,9 +41,11 @@ class Act(NamedTuple):
 
 
 class Session(ABC):
-    """An open driver. links: the links of its vehicles, by name."""
+    """An open driver. links: the links of its vehicles, by name. scene: the objects of its
+    simulator, None if there is none."""
 
     links: dict[str, Link]
+    scene: SimulatedScene | None = None
 
     @abstractmethod
     def advance(self, now: Time) -> None:
@@ -65,9 +67,10 @@ class Driver(Part[P]):
     have a servo that holds a payload, and their links implement `Grips`. acts: the acts that the
     vehicles perform, by name; if there are any, the links implement `Performs`. shared: a pilot or
     another program may command the vehicles too. brings: sensors that the compiler adds if an
-    estimator needs their measurements. preflight_timeout: seconds in which the vehicles must become
-    ready to fly. targets: targets that every mission has without declaring them, each with the
-    driver's parameters.
+    estimator needs their measurements. moves_objects: the objects of the world move in its
+    simulator (`Session.scene`). preflight_timeout: seconds in which the vehicles must become ready
+    to fly. targets: targets that every mission has without declaring them, each with the driver's
+    parameters.
     """
 
     kind = "drivers"
@@ -82,6 +85,7 @@ class Driver(Part[P]):
     acts: ClassVar[Mapping[str, Act]] = {}
     shared: ClassVar[bool] = True
     brings: ClassVar[tuple[str, ...]] = ()
+    moves_objects: ClassVar[bool] = False
     preflight_timeout: ClassVar[float] = 5.0
     targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {}
 

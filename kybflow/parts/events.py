@@ -8,7 +8,7 @@ themselves (`own_events`), and a supervisor or a processor names its alarm (`Ala
 from __future__ import annotations
 
 from kybflow.core.events import BaseEvent, RunEvent, VehicleEvent
-from kybflow.core.units import Duration, Length, Speed
+from kybflow.core.units import Duration, Force, Length, Speed
 
 
 class RunStarted(RunEvent):
@@ -612,6 +612,24 @@ class Collided(VehicleEvent):
 
     awaited = "nowhere"
     into: str
+
+
+class ContactBegan(VehicleEvent):
+    """The vehicle touches an object: its `surface`, or its box if that is empty."""
+
+    awaited = "nowhere"
+    object: str
+    surface: str
+
+
+class ContactEnded(VehicleEvent):
+    """The vehicle no longer touches an object, which it pressed for `lasted`, by up to `force`."""
+
+    awaited = "nowhere"
+    object: str
+    surface: str
+    lasted: Duration
+    force: Force
 
 
 class LandedHard(VehicleEvent):

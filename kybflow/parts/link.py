@@ -7,12 +7,13 @@ protocols below, which the runtime detects with `isinstance`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Command, Estimate, Measurement, MeasurementKind, Time, Truth
 from kybflow.parts.fault import ActiveFaults
+from kybflow.world.objects import ObjectState
 
 if TYPE_CHECKING:
     import random
@@ -252,6 +253,24 @@ class ReportsTouches(Protocol):
 
     def report_touches(self, tell: Callable[[Touch], None]) -> None:
         """From now on, call `tell` with each contact, in the tick in which it begins."""
+
+
+class Contact(NamedTuple):
+    """What a vehicle presses: a surface of an object, empty for its box."""
+
+    vehicle: str
+    object: str
+    surface: str
+
+
+class SimulatedScene(Protocol):
+    """The objects of a simulator, which move."""
+
+    def states(self) -> Mapping[str, ObjectState]:
+        """Return the true state of every object, by name."""
+
+    def contacts(self) -> Mapping[Contact, float]:
+        """Return the force (N) of every contact of a vehicle with an object."""
 
 
 def truth_source(link: Link) -> Callable[[], Truth | None]:

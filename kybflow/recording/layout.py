@@ -8,7 +8,7 @@ messages as their little-endian bytes in order, without padding (https://wiki.ro
 from __future__ import annotations
 
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from itertools import chain
 from operator import itemgetter
@@ -29,10 +29,13 @@ from kybflow.core.signals import (
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.dsl.resolving.library_files import without_homes
 from kybflow.parts import AIR
+from kybflow.parts.link import Contact
+from kybflow.world.objects import WORLD, ObjectState, corners
 
 PACKAGE = "kybflow"
 EVENTS_TOPIC = "/events"
 OBSTACLES_TOPIC = "/obstacles"
+OBJECTS_TOPIC = "/objects"
 METADATA = "kybflow"
 
 RATE = 50
@@ -68,6 +71,23 @@ OBSTACLES_SCHEMA = {
             "seen_s": {"type": "number"},
             "position": {"type": "array", "items": {"type": "number"}},
             "radius": {"type": "number"},
+        },
+    },
+}
+
+OBJECTS_SCHEMA = {
+    "title": f"{PACKAGE}/Objects",
+    "type": "object",
+    "additionalProperties": {
+        "type": "object",
+        "properties": {
+            **{
+                key: {"type": "array", "items": {"type": "number"}}
+                for key in ("position", "attitude", "velocity")
+            },
+            "q": {"type": "number"},
+            "speed": {"type": "number"},
+            "force_n": {"type": "object", "additionalProperties": {"type": "number"}},
         },
     },
 }
@@ -182,8 +202,22 @@ def obstacles_record(seen: SeenObstacles) -> dict[str, Any]:
     }
 
 
+def objects_record(
+    states: Mapping[str, ObjectState], forces: Mapping[Contact, float]
+) -> dict[str, Any]:
+    """Return the true state of the objects as written to `/objects`, by name: pose and velocity
+    (world; metres, quaternion w x y z), the joint's coordinate and its rate, and the force with
+    which each vehicle presses each surface, by `VEHICLE.SURFACE`."""
+    pressed: dict[str, dict[str, float]] = {name: {} for name in states}
+    for (vehicle, name, surface), force in forces.items():
+        pressed[name][f"{vehicle}.{surface}"] = round(force, 4)
+    return {name: one._asdict() | {"force_n": pressed[name]} for name, one in states.items()}
+
+
 def head(plan: Plan) -> dict[str, Any]:
-    """Return the metadata of a recording: the facts about the mission that its readers need."""
+    """Return the metadata of a recording: the facts about the mission that its readers need. The
+    objects are their boxes and plates: corners in the object's axes."""
+    objects = {name: [*corners(one, WORLD)] for name, one in plan.objects.items()}
     return {
         "mission": plan.mission,
         "summary": plan.summary,
@@ -192,6 +226,7 @@ def head(plan: Plan) -> dict[str, Any]:
         "control_rate": plan.control_rate,
         "fence": [plan.fence.low, plan.fence.high] if plan.fence else None,
         "vehicles": {v.name: _vehicle(v, plan) for v in plan.vehicles},
+        **({"objects": objects} if objects else {}),
     }
 
 

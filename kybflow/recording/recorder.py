@@ -7,6 +7,7 @@
 - `/NAME/command`: the setpoint of each command that has one.
 - `/NAME/estimator/ESTIMATOR`: each estimator's estimate, at most 50 times a second.
 - `/events`: every event as JSON. `/obstacles`: the moving obstacles, 20 times a second.
+- `/objects`: in simulation, the true state of the objects, 20 times a second.
 
 Log and publish times are the tick's time, so that two runs with the same seed give the same bytes.
 docs/adr/0001-recording-encoding.md explains the encoding.
@@ -15,7 +16,7 @@ docs/adr/0001-recording-encoding.md explains the encoding.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from struct import Struct
 from typing import Any
@@ -41,6 +42,7 @@ from kybflow.core.signals import (
     kind_name,
 )
 from kybflow.dsl.plan import Plan
+from kybflow.parts.link import Contact
 from kybflow.recording.layout import (
     COMMAND_KINDS,
     EVENT_SCHEMA,
@@ -51,6 +53,8 @@ from kybflow.recording.layout import (
     HAS_POSITION,
     HAS_VELOCITY,
     METADATA,
+    OBJECTS_SCHEMA,
+    OBJECTS_TOPIC,
     OBSTACLES_SCHEMA,
     OBSTACLES_TOPIC,
     PACKAGE,
@@ -60,11 +64,13 @@ from kybflow.recording.layout import (
     head,
     kept_every,
     layout_of,
+    objects_record,
     obstacles_record,
     struct_format,
 )
 from kybflow.recording.run_folder import GrowingFile
 from kybflow.runtime.events import EstimationState, VehicleObserver
+from kybflow.world.objects import ObjectState
 
 CHUNK_SECONDS = 0.5
 """The most flight time in a chunk, s. The last chunk is lost if the program is killed."""
@@ -120,6 +126,9 @@ class Recorder:
             self._obstacles = Channel(
                 OBSTACLES_TOPIC, schema=OBSTACLES_SCHEMA, context=self._context
             )
+        self._objects: Channel | None = None
+        if plan.objects:
+            self._objects = Channel(OBJECTS_TOPIC, schema=OBJECTS_SCHEMA, context=self._context)
         every = kept_every(plan.control_rate)
         self._vehicles = {
             v.name: VehicleChannel(v.name, every, self._context) for v in plan.vehicles
@@ -143,6 +152,12 @@ class Recorder:
     def obstacles(self, now: Time, seen: SeenObstacles) -> None:
         if self._obstacles is not None:
             self._obstacles.base.log(json.dumps(obstacles_record(seen)).encode(), now)
+
+    def objects(
+        self, now: Time, states: Mapping[str, ObjectState], forces: Mapping[Contact, float]
+    ) -> None:
+        if self._objects is not None:
+            self._objects.base.log(json.dumps(objects_record(states, forces)).encode(), now)
 
     def close(self) -> None:
         """Write pending data and the index, and close the file; may be called again."""

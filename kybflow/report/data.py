@@ -28,6 +28,7 @@ from kybflow.inputs.rows import InputRows, parse
 from kybflow.recording.layout import (
     HAS_POSITION,
     HAS_VELOCITY,
+    OBJECTS_TOPIC,
     OBSTACLES_TOPIC,
     dtype_spec,
 )
@@ -195,6 +196,26 @@ class MovingTrack:
 
 
 @dataclass(frozen=True)
+class ObjectTrack:
+    """An object that moves, by the simulator's truth. time: seconds, (n,). position: metres, world,
+    (n, 3). heading: rad, (n,). boxes: the corners of its box and plates from above, in its axes,
+    metres, (k, 4, 2). forces: by `VEHICLE.SURFACE`, N, (n,)."""
+
+    time: Array
+    position: Array
+    heading: Array
+    boxes: Array
+    forces: dict[str, Array]
+
+    def outlines(self, moment: float) -> Array:
+        """Return the corners of its boxes from above at `moment` (s), world frame, (k, 4, 2)."""
+        seen = max(0, int(np.searchsorted(self.time, moment, side="right")) - 1)
+        c, s = np.cos(self.heading[seen]), np.sin(self.heading[seen])
+        turned: Array = self.boxes @ np.array([[c, s], [-s, c]]) + self.position[seen, :2]
+        return turned
+
+
+@dataclass(frozen=True)
 class Picture:
     """A camera frame with its tags marked.
 
@@ -231,6 +252,7 @@ class Run:
     pictures: tuple[Picture, ...] = ()
     inputs: dict[str, InputRows] = field(default_factory=dict)
     moving: dict[str, MovingTrack] = field(default_factory=dict)
+    objects: dict[str, ObjectTrack] = field(default_factory=dict)
 
     @property
     def simulated(self) -> bool:
@@ -257,7 +279,7 @@ def read_run(folder: Path) -> Run:
     estimators = tuple(e for name in log.mission["vehicles"] for e in read_estimators(log, name))
     return Run(
         log.mission, summary, provenance, events, tracks, end, world, estimators, pictures, inputs,
-        read_moving(log),
+        read_moving(log), read_objects(log),
     )  # fmt: skip
 
 
@@ -275,6 +297,22 @@ def read_moving(log: Recording) -> dict[str, MovingTrack]:
         )
         for name, seen in rows.items()
     }
+
+
+def read_objects(log: Recording) -> dict[str, ObjectTrack]:
+    """Return the objects by name."""
+    moments, found = [*log[OBJECTS_TOPIC].json()], {}
+    times = log[OBJECTS_TOPIC].times / NS
+    for name, corners in log.mission.get("objects", {}).items() if moments else ():
+        rows = [moment[name] for moment in moments]
+        w, x, y, z = np.array([row["attitude"] for row in rows]).T
+        heading = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+        boxes = np.array(corners)[:, :2].reshape(-1, 8, 2)[:, [0, 2, 6, 4]]
+        pressed = {key: None for row in rows for key in row["force_n"]}
+        forces = {key: np.array([row["force_n"].get(key, 0.0) for row in rows]) for key in pressed}
+        position = np.array([row["position"] for row in rows])
+        found[name] = ObjectTrack(times, position, heading, boxes, forces)
+    return found
 
 
 def read_inputs(folder: Path) -> dict[str, InputRows]:

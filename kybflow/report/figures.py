@@ -17,7 +17,7 @@ from kybflow.report import plot
 from kybflow.report.data import Run, Track
 from kybflow.report.estimators import Array, norm
 from kybflow.report.events import FAULT, TINTS, shaded
-from kybflow.report.map import moving_ball, path_map, room, seen_from_above, shown
+from kybflow.report.map import moved_object, moving_ball, path_map, room, seen_from_above, shown
 from kybflow.report.timeline import timeline
 
 _MOST_PAIRS = 28
@@ -33,8 +33,24 @@ _BOUND = re.compile(r"\bseparation\([^)]*\)\s*>=?\s*([^()]+?)(?: and | or | for 
 def swarm_figures(run: Run) -> list[plot.Figure]:
     """Return the figures of several vehicles, or of one vehicle and moving obstacles."""
     flown = [track for track in run.tracks if len(track.time)]
-    above = [_from_above(run)] if len(flown) > 1 or (flown and run.moving) else []
+    above = [_from_above(run)] if len(flown) > 1 or (flown and (run.moving or run.objects)) else []
     return [*above, _distances(run, flown)] if len(flown) > 1 else above
+
+
+def contact_figures(run: Run) -> list[plot.Figure]:
+    """Return the figure of the forces on objects, if any was touched."""
+    curves = [
+        (f"{name}: {key.replace('.', ' on ').removesuffix(' on ')}", track.time, force)
+        for name, track in run.objects.items()
+        for key, force in track.forces.items()
+    ]
+    traces = [
+        plot.line(name, time, force, plot.VEHICLES[n % len(plot.VEHICLES)], 1.6, hover="%{y:.3f} N")
+        for n, (name, time, force) in enumerate(curves)
+    ]
+    note = "The force with which each vehicle presses a surface, by the simulator's truth."
+    layout = plot.over_time(run, "force (N)", "tozero")
+    return [plot.Figure("contacts", "Contacts", note, traces, layout)] if traces else []
 
 
 def _distances(run: Run, tracks: list[Track]) -> plot.Figure:
@@ -131,6 +147,8 @@ def _from_above(run: Run) -> plot.Figure:
         at = float(moment)
         for name in run.moving:
             traces += moving_ball(run, name, at, f"{at:.0f}")
+        for name in run.objects:
+            traces += moved_object(run, name, at, f"{at:.0f}", at / run.end)
         traces += _moment(run, at)
     note = f"The vehicles in the air at {_MOMENTS} moments, with the seconds. Lines join vehicles"
     note += " in one state whose behavior uses the positions of the others."
@@ -184,6 +202,7 @@ def figures(run: Run) -> list[plot.Figure]:
         path_map(run),
         timeline(run),
         *swarm_figures(run),
+        *contact_figures(run),
         *(_input(name, rows, run) for name, rows in run.inputs.items()),
         _errors(run, "position", "m"),
         _errors(run, "velocity", "m/s"),

@@ -18,6 +18,7 @@ _MIN_MARGIN = 3.0
 _CORNERS = 48
 """The number of corners of a drawn circle."""
 _GREY = "#7d8894"
+_OBJECT, _OBJECT_EDGE = "rgba(190,140,50,0.45)", "#9a6f1e"
 
 
 class Extent(NamedTuple):
@@ -52,8 +53,8 @@ def path_map(run: Run) -> Figure:
     ring = {"symbol": "circle-open", "size": 10, "color": "ink", "line": {"width": 2}}
     starts = markers("start", x, y, ring, "start %{x:.2f}, %{y:.2f} m")
     traces = [
-        *room(run, window), *moving_paths(run), *_paths(run), starts, *_parcels(run),
-        *_collisions(run),
+        *room(run, window), *moving_paths(run), *object_paths(run), *_paths(run), starts,
+        *_parcels(run), *_collisions(run),
     ]  # fmt: skip
     note = "The flown path and the reference of the tracker."
     obstacles, unit = run.world.obstacles.items(), Extent(0.0, 0.0, 1.0, 1.0)
@@ -211,6 +212,9 @@ def _extents(run: Run) -> dict[str, Extent]:
         way = ball.position[:, :2]
         extent = Extent(*way.min(axis=0).tolist(), *way.max(axis=0).tolist())
         found[f"obstacle {name}"] = extent.grown(ball.radius)
+    for name, track in run.objects.items():
+        way = np.concatenate([track.outlines(0.0), track.outlines(run.end)]).reshape(-1, 2)
+        found[f"object {name}"] = Extent(*way.min(axis=0).tolist(), *way.max(axis=0).tolist())
     return found
 
 
@@ -239,6 +243,35 @@ def moving_ball(run: Run, name: str, moment: float, text: str) -> list[dict[str,
     inside = {"type": "scatter", "mode": "text", "x": [x], "y": [y], "text": [text]}
     style = {"textfont": {"color": "ink", "size": 10}, "hoverinfo": "skip", "showlegend": False}
     return [_obstacle(name, xs, ys, first=False), {**inside, **style, "name": name}]
+
+
+def object_paths(run: Run) -> Iterator[dict[str, Any]]:
+    """Yield the objects where they are at the start and at the end."""
+    for name in run.objects:
+        yield from moved_object(run, name, 0.0, "", 0.4)
+        yield from moved_object(run, name, run.end, name, 1.0)
+
+
+def moved_object(
+    run: Run, name: str, moment: float, text: str, opacity: float
+) -> list[dict[str, Any]]:
+    """Return the trace of an object at `moment` (s), with a text inside."""
+    boxes = run.objects[name].outlines(moment)
+    xs: Coordinates = []
+    ys: Coordinates = []
+    for box in boxes.tolist():
+        xs += [*(x for x, _ in box), box[0][0], None]
+        ys += [*(y for _, y in box), box[0][1], None]
+    drawn = _obstacle(name, xs, ys, first=moment == 0.0 and name == next(iter(run.objects)))
+    x, y = boxes[0].mean(axis=0).tolist()
+    own = {
+        "name": "object", "legendgroup": "object", "opacity": opacity, "fillcolor": _OBJECT,
+        "line": {"color": _OBJECT_EDGE, "width": 1.2},
+        "hovertemplate": f"object {name}<br>%{{x:.3f}}, %{{y:.3f}} m<extra></extra>",
+    }  # fmt: skip
+    inside = {"type": "scatter", "mode": "text", "x": [x], "y": [y], "text": [text]}
+    style = {"textfont": {"color": "ink", "size": 10}, "hoverinfo": "skip", "showlegend": False}
+    return [{**drawn, **own}, {**inside, **style, "name": name}]
 
 
 def room(run: Run, window: Extent) -> list[dict[str, Any]]:

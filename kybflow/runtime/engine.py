@@ -34,7 +34,13 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.expectations import Judge
 from kybflow.runtime.fleet.callbacks import Callbacks, RunControls
 from kybflow.runtime.fleet.flows import Flows
-from kybflow.runtime.fleet.ground_truth import Clearances, Excursions, Impacts, PayloadDrops
+from kybflow.runtime.fleet.ground_truth import (
+    Clearances,
+    Excursions,
+    Impacts,
+    ObjectContacts,
+    PayloadDrops,
+)
 from kybflow.runtime.fleet.injection import Injection
 from kybflow.runtime.fleet.inputs import Inputs
 from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
@@ -107,7 +113,8 @@ class Engine:
         links = {name: link for session in sessions for name, link in session.links.items()}
         active = {name: link.faults for name, link in links.items() if link.faults is not None}
         self.injection = Injection(plan.faults, active, self._condition, events, seed)
-        self.impacts = Impacts(self.vehicles, links, events, plan.touchable)
+        self.impacts = Impacts(self.vehicles, links, events, plan.touchable, plan.objects)
+        self.contacts = ObjectContacts(self._sessions if plan.objects else (), events)
         self.excursions = Excursions(self.vehicles, plan.fence, events)
         self.clearances = Clearances(self.vehicles, true, plan.kept_clear)
         self.drops = PayloadDrops(self.vehicles, events)
@@ -197,6 +204,7 @@ class Engine:
             self.callbacks.step()
         if self.callbacks.watching:
             self.callbacks.watch()
+        self.contacts.step(now, dt)
         self.judge.sample()
         self._advance()
 

@@ -24,6 +24,7 @@ from kybflow.core.geometry import GRAVITY, Vec3
 from kybflow.core.params import param, params, record
 from kybflow.core.units import Angle, Damping, Duration, Force, Inertias, Length, Mass, Ratio, Speed
 from kybflow.world.cameras import Camera
+from kybflow.world.objects import WorldObject
 from kybflow.world.shapes import Box, MovingSphere, Shape
 from kybflow.world.tags import TagMap
 
@@ -124,6 +125,14 @@ class Airframe:
     voltage_spread: Ratio = param(
         "Voltage lost from full to empty.", default=0.2, at_least=0.0, below=0.5
     )
+    bumper: Length | None = param(
+        "Radius of a round bumper around the rotors, which may touch objects; without it, only the"
+        " body between the rotors is solid.",
+        default=None, above=0.0,
+    )  # fmt: skip
+    bumper_height: Length | None = param(
+        "Height of the bumper's middle above the rotors; 0 m by default.", default=None
+    )
     attitude_gain: Damping | None = param(
         "Gain of an on-board cascade like PX4's: body rate per angle of the attitude error, about"
         " body x and y; 6.5 1/s by default. An airframe with neither gain has a loop as fast as its"
@@ -192,6 +201,7 @@ class VehicleContext(NamedTuple):
     vehicles, by vehicle. groups: the mission's groups, each with its vehicles. touchable: the names
     of the obstacles that vehicles may touch. moving: the moving obstacles, by name. delay_margin:
     that of the position loop, seconds; None if the tracker closes none around a known inner loop.
+    objects: the objects that move, by name.
     """
 
     vehicle: str
@@ -212,6 +222,7 @@ class VehicleContext(NamedTuple):
     touchable: frozenset[str] = frozenset()
     moving: Mapping[str, MovingSphere] = MappingProxyType({})
     delay_margin: float | None = None
+    objects: Mapping[str, WorldObject] = MappingProxyType({})
 
 
 FULL_VOLTAGE = 4.2 * 4

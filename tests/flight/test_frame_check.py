@@ -283,15 +283,16 @@ def test_what_nothing_explains_names_all_that_may_be_wrong():
     assert all(word in reason for word in ("units", "axes", "heading"))
 
 
-def test_a_gyroscope_that_drifts_in_a_long_flight_is_corrected_without_bound():
-    """By 1.2 deg/s, as one that is sampled too seldom; the attitude is then 5 degrees off."""
+@pytest.mark.parametrize("rate", [1.2, 3.0])
+def test_a_gyroscope_that_drifts_in_a_long_flight_is_corrected_without_bound(rate: float):
+    """By 1.2 deg/s, as one that is sampled too seldom, or by more, as one whose bias jumps."""
     motion, check = Motion(((0.5, 1.0), (0.3, 0.7), (0.2, 1.5))), FrameCheck()
     for k in range(1, 2000):
         time, t = k * NS // 100, (k - 50) / 100
         q = motion.attitude(t - 0.005)
         force = rotate_back(q, add(motion.acceleration(t - 0.005), (0.0, 0.0, GRAVITY)))
         _, x, y, z = multiply(conjugate(motion.attitude(t - 0.01)), motion.attitude(t))
-        drift = radians(1.2) if t > 8.0 else 0.0
+        drift = radians(rate) if t > 8.0 else 0.0
         check.add_imu(Imu(time, 0.01, force, (200.0 * x + drift, 200.0 * y, 200.0 * z)))
         check.add_poses([Pose(time, motion.position(t), motion.attitude(t))], t > 0.0)
     assert check.wrong is None

@@ -126,7 +126,9 @@ def test_the_reset_moves_errors_to_the_corrected_attitude(i: int) -> None:
     size = 1e-5
     corrected = START.corrected(error)
     true = START._replace(
-        attitude=integrate(START.attitude, add((0.02, -0.03, 0.01), unit(i, size)[6:9]), 1.0)
+        attitude=integrate(
+            START.attitude, add((0.02, -0.03, 0.01), tuple(unit(i, size)[6:9].tolist())), 1.0
+        )
     )
     left = numpy.array(between(corrected, true)) / size
 

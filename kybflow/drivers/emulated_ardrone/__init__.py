@@ -48,6 +48,7 @@ class EmulatedArdrone(Driver[EmulatedArdroneParams]):
     provides = Ardrone.provides | {Pose}
     acts = Ardrone.acts
     simulated: ClassVar[bool] = True
+    moves_objects: ClassVar[bool] = True
     lands: ClassVar[bool] = True
     lands_blind: ClassVar[bool] = True
     brings = ("simulated_camera",)

@@ -88,6 +88,7 @@ class EmulatedDroneSession(Session):
             Radio(s.params.wifi_latency, s.params.wifi_jitter, s.params.wifi_loss) for s in seats
         ]
         self._fleet = open_fleet(seats, radios, generator)
+        self.scene = self._fleet.scene
         self._links: list[EmulatedDroneLink] = []
         self._now: Time = -MAX_STEP_NS
         self._ports: list[Ports] = []

@@ -44,6 +44,7 @@ class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
     provides = Mavlink.provides | {Pose}
     streams_imu = Mavlink.streams_imu
     simulated: ClassVar[bool] = True
+    moves_objects: ClassVar[bool] = True
     lands: ClassVar[bool] = True
     lands_blind: ClassVar[bool] = True
     grips: ClassVar[bool] = True

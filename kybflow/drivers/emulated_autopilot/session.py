@@ -180,6 +180,7 @@ class EmulatedSession(Session):
             for s in seats
         ]
         self._fleet = open_fleet(seats, plans, generator)
+        self.scene = self._fleet.scene
         self._links: list[EmulatedLink] = []
         wires = [memory_wires(f"memory:{seat.context.vehicle}") for seat in seats]
         self._router = Router({ours.address: ours for ours, _ in wires}, own)

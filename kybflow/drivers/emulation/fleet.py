@@ -64,7 +64,7 @@ class EmulatedVehicle(Generic[Onboard]):
 class Fleet(Generic[Onboard]):
     """The emulated vehicles of one world.
 
-    members: the vehicles, in the order of the seats.
+    members: the vehicles, in the order of the seats. scene: the world's objects.
     build: takes the index of a seat, the vehicle's body and its random generator; returns the
     computer, and whether the vehicle has GPS.
     period: the shortest interval between two steps of the computers.
@@ -80,6 +80,7 @@ class Fleet(Generic[Onboard]):
     ) -> None:
         self._period = period
         self._world = SimulatedWorld(seats, generator)
+        self.scene = self._world.scene
         self.members: list[EmulatedVehicle[Onboard]] = []
         for number, seat in enumerate(seats):
             vehicle = self._world.links[seat.context.vehicle]

@@ -198,6 +198,7 @@ class Sim(Driver[SimParams]):
     accepts = frozenset({CommandKind.ATTITUDE_THRUST})
     provides = frozenset({Pose, Battery, Imu, Position})
     simulated: ClassVar[bool] = True
+    moves_objects: ClassVar[bool] = True
     shared: ClassVar[bool] = False
     grips: ClassVar[bool] = True
     brings = ("simulated_camera",)

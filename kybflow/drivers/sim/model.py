@@ -45,6 +45,10 @@ OBSTACLE = "obstacle "
 """Prefix of the names of obstacles' geoms."""
 PARCEL = "payload "
 """Prefix of the names of parcels' geoms."""
+OBJECT = "object "
+"""Prefix of the names of objects' bodies, joints and geoms."""
+BUMPER_HEIGHT = 0.03
+"""Height of a bumper's edge, m."""
 _SCANNED = 'rgba="0.6 0.45 0.35 1"'
 SOLID = '<default><geom conaffinity="3"/></default>\n'
 """Collision defaults if there are parcels: everything except vehicles collides with all parcels,
@@ -63,9 +67,14 @@ class BuiltAirframe(NamedTuple):
 
 
 def world_text(
-    contexts: Sequence[VehicleContext], bodies: Sequence[BuiltAirframe], timestep: float
+    contexts: Sequence[VehicleContext],
+    bodies: Sequence[BuiltAirframe],
+    timestep: float,
+    objects: str = "",
 ) -> str:
-    """Return the world as MJCF. bodies: the vehicles as built. timestep: seconds."""
+    """Return the world as MJCF. bodies: the vehicles as built. timestep: seconds. objects: the
+    objects as MJCF; they follow the vehicles and parcels, whose joints are found by their
+    places."""
     every = enumerate(zip(contexts, bodies, strict=True))
     vehicles = "".join(_vehicle(index, context, body) for index, (context, body) in every)
     fences = {context.fence: None for context in contexts if context.fence is not None}
@@ -85,7 +94,7 @@ def world_text(
 <geom name="{FLOOR}" type="plane" size="0 0 1" pos="0 0 {-LEGS}" material="tiles"/>
 {"".join(_fence(box) for box in fences)}
 {"".join(_obstacle(n, s) for n, s in obstacles.items() if not isinstance(s, Scanned))}
-{vehicles}{"".join(parcel_text(context) for context in carrying)}
+{vehicles}{"".join(parcel_text(context) for context in carrying)}{objects}
 {"".join(_moving(name, ball) for name, ball in moving.items())}
 {"".join(_scanned(n, s) for n, s in obstacles.items() if isinstance(s, Scanned))}
 </worldbody>
@@ -93,8 +102,8 @@ def world_text(
 
 
 def _fence(box: Box) -> str:
-    middle = _numbers((low + high) / 2 for low, high in zip(box.low, box.high, strict=True))
-    half = _numbers((high - low) / 2 for low, high in zip(box.low, box.high, strict=True))
+    middle = numbers((low + high) / 2 for low, high in zip(box.low, box.high, strict=True))
+    half = numbers((high - low) / 2 for low, high in zip(box.low, box.high, strict=True))
     return (
         f'<geom type="box" pos="{middle}" size="{half}" rgba="0.2 0.5 1 0.06"'
         ' contype="0" conaffinity="0" group="1"/>\n'
@@ -122,7 +131,7 @@ def _place(shape: Convex) -> str:
         case Sphere(at, radius):
             return _geom("sphere", at, (radius,))
         case Plane(at, facing):
-            return f'{_geom("plane", at, (0.0, 0.0, 1.0))} zaxis="{_numbers(facing)}"'
+            return f'{_geom("plane", at, (0.0, 0.0, 1.0))} zaxis="{numbers(facing)}"'
 
 
 def _moving(name: str, ball: MovingSphere) -> str:
@@ -130,14 +139,14 @@ def _moving(name: str, ball: MovingSphere) -> str:
     (`mocap`), so that contacts don't move it."""
     called = escape(OBSTACLE + name)
     return (
-        f'<body name="{called}" mocap="true" pos="{_numbers(ball.at(0.0))}">'
+        f'<body name="{called}" mocap="true" pos="{numbers(ball.at(0.0))}">'
         f'<geom name="{called}" type="sphere" size="{ball.radius!r}" rgba="0.8 0.2 0.2 0.9"/>'
         "</body>\n"
     )
 
 
 def _geom(kind: str, at: Iterable[float], size: Iterable[float]) -> str:
-    return f'type="{kind}" pos="{_numbers(at)}" size="{_numbers(size)}"'
+    return f'type="{kind}" pos="{numbers(at)}" size="{numbers(size)}"'
 
 
 def _vehicle(index: int, context: VehicleContext, body: BuiltAirframe) -> str:
@@ -155,12 +164,24 @@ def _vehicle(index: int, context: VehicleContext, body: BuiltAirframe) -> str:
     mass, inertia, height = loaded(body.mass, body.inertia, context.payload)
     return f"""{stand}<body name="{name}" pos="{x!r} {y!r} {z!r}" quat="{turn}">
 <freejoint/>
-<inertial pos="0 0 {height!r}" mass="{mass!r}" diaginertia="{_numbers(inertia)}"/>
+<inertial pos="0 0 {height!r}" mass="{mass!r}" diaginertia="{numbers(inertia)}"/>
 <geom type="box" size="{half:.9g} {half:.9g} {LEGS / 2}" pos="0 0 {-LEGS / 2}" rgba="{hue} 1"
  conaffinity="1"/>
-{rotors}
+{_bumper(context, hue)}{rotors}
 </body>
 """
+
+
+def _bumper(context: VehicleContext, hue: str) -> str:
+    """Return the round bumper of a vehicle, as MJCF."""
+    radius, height = context.airframe.bumper, context.airframe.bumper_height or 0.0
+    if radius is None:
+        return ""
+    size, at = numbers((radius, 0.5 * BUMPER_HEIGHT)), numbers((0.0, 0.0, height))
+    return (
+        f'<geom type="cylinder" size="{size}" pos="{at}" rgba="{hue} 0.3" conaffinity="1"'
+        ' friction="0 0 0"/>\n'
+    )
 
 
 def mount(parcel: Parcel) -> float:
@@ -203,7 +224,8 @@ def _stand(context: VehicleContext) -> str:
     )
 
 
-def _numbers(values: Iterable[float]) -> str:
+def numbers(values: Iterable[float]) -> str:
+    """Return numbers as MJCF."""
     return " ".join(repr(value) for value in values)
 
 

@@ -15,6 +15,7 @@ from kybflow.core.signals import NS, Time, Truth
 from kybflow.drivers.sim.model import (
     FIRST_BODY,
     FLOOR,
+    OBJECT,
     OBSTACLE,
     PARCEL,
     BuiltAirframe,
@@ -22,6 +23,7 @@ from kybflow.drivers.sim.model import (
     loaded,
     world_text,
 )
+from kybflow.drivers.sim.objects import SimulatedObjects, object_of, objects_text
 from kybflow.drivers.sim.sensors import NOTHING
 from kybflow.drivers.sim.steps.onboard import OnboardState
 from kybflow.drivers.sim.steps.stepper import rows, stepper
@@ -58,6 +60,7 @@ class SimulatedWorld(Session):
             seat.context.vehicle: vehicle
             for seat, vehicle in zip(seats, self._vehicles, strict=True)
         }
+        objects = seats[0].context.objects
         self.model = _compile(seats, [vehicle.body for vehicle in self._vehicles], self._rate)
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
@@ -73,6 +76,9 @@ class SimulatedWorld(Session):
         for index in self._parcels:
             self.apply_faults(index)
         self._contacts = Contacts(self.model, [seat.context.vehicle for seat in seats])
+        self.scene = self._objects = SimulatedObjects(
+            self.model, self.data, objects, self._contacts.vehicles
+        )
         self._disturbed_at: Time = 0
         self._due = self._next_disturbance = 0
         self._measure(0)
@@ -119,6 +125,7 @@ class SimulatedWorld(Session):
         steps = max(1, min(last, due) - onboard.steps)
         if readers and any(vehicle.is_descending for _, vehicle in readers):
             steps = 1
+        self._objects.resist(steps / self._rate)
         self._stepper.advance(steps)
         self._truths = {}
         for samples in self._stepper.imu_samples() if readers else ():
@@ -224,9 +231,10 @@ def _parcels(
 
 
 def _compile(seats: Sequence[Seat], bodies: Sequence[BuiltAirframe], rate: float) -> mujoco.MjModel:
+    objects = objects_text(seats[0].context.objects)
     try:
         return mujoco.MjModel.from_xml_string(
-            world_text([seat.context for seat in seats], bodies, 1.0 / rate)
+            world_text([seat.context for seat in seats], bodies, 1.0 / rate, objects)
         )
     except ValueError as error:
         raise DriverError(f"MuJoCo refuses the world: {error}") from error
@@ -234,7 +242,7 @@ def _compile(seats: Sequence[Seat], bodies: Sequence[BuiltAirframe], rate: float
 
 class Contacts:
     """Detects contacts between vehicles and other things. vehicles: their names in the order of
-    their bodies."""
+    their bodies; then the name of each geom's vehicle."""
 
     def __init__(self, model: Any, vehicles: Sequence[str]) -> None:
         bodies: list[int] = model.geom_bodyid.tolist()
@@ -249,8 +257,9 @@ class Contacts:
             _name_of(name or model.body(body).name)
             for name, body in zip(named, bodies, strict=True)
         ]
-        for geom, index in self._vehicles.items():
-            self._names[geom] = vehicles[index]
+        self.vehicles = {geom: vehicles[index] for geom, index in self._vehicles.items()}
+        for geom, name in self.vehicles.items():
+            self._names[geom] = name
         self._touched: dict[tuple[int, str, bool], Time] = {}
 
     def begun(self, data: Any, now: Time) -> list[tuple[int, Touch]]:
@@ -285,6 +294,8 @@ def _name_of(geom: str) -> str:
         return f"the payload of {geom.removeprefix(PARCEL)}"
     if geom.startswith(OBSTACLE):
         return geom.removeprefix(OBSTACLE)
+    if geom.startswith(OBJECT):
+        return object_of(geom)[0]
     return "the floor" if geom == FLOOR else "a stand"
 
 

@@ -92,6 +92,7 @@ def mission_of(
         fence=world.box, expectations=(), sources=(), resolved="",
         obstacles={o.name: o.shape for o in world.obstacles if o.shape is not None},
         moving={o.name: ball for o in world.obstacles if (ball := o.moving_sphere) is not None},
+        objects={o.name: o.made for o in world.objects},
         touchable=frozenset(o.name for o in world.obstacles if o.may_touch),
         points=world.points, target_text=chosen.name,
         values=with_coordinates(resolved.parameters, world.points),

@@ -4,7 +4,7 @@ comment."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from kybflow.core.params import Field, ListOf, MappingOf, Numbers, RecordOf, ValueType, fields_of
@@ -62,8 +62,7 @@ def _entry(record: Record, field: Field, value: Any, indent: str) -> Iterator[Ya
         yield from _lines(value, inner, {})
     elif isinstance(kind, MappingOf) and record.block:
         yield head, came_from
-        names = value.items() if kind.as_dict else ((item.name, item) for item in value)
-        for name, item in names:
+        for name, item in _items(value, kind):
             yield from _named(record, field, name, item, inner)
     elif isinstance(kind, UsesOf) or (isinstance(kind, ListOf) and isinstance(record, Plan)):
         yield head, came_from
@@ -76,6 +75,11 @@ def _entry(record: Record, field: Field, value: Any, indent: str) -> Iterator[Ya
     else:
         notes = _notes(value) if isinstance(value, Record) else ""
         yield f"{head} {_text(value, kind, field)}", came_from + notes
+
+
+def _items(value: Any, kind: MappingOf) -> Iterable[tuple[str, Any]]:
+    """Return the entries of a mapping of names."""
+    return value.items() if kind.as_dict else ((item.name, item) for item in value)
 
 
 def _named(record: Record, field: Field, name: str, item: Any, indent: str) -> Iterator[YamlLine]:
@@ -239,7 +243,7 @@ def _text(value: Any, kind: ValueType, field: Field) -> str:
     if isinstance(kind, ListOf):
         return f"[{', '.join(_text(item, kind.item, field) for item in value)}]"
     if isinstance(kind, MappingOf):
-        inside = (f"{name}: {_text(item, kind.item, field)}" for name, item in value.items())
+        inside = (f"{name}: {_text(item, kind.item, field)}" for name, item in _items(value, kind))
         return "{" + ", ".join(inside) + "}"
     if kind is STATE and NAMES["dotted"].match(value) and value not in _RESERVED:
         return str(value)

@@ -1,31 +1,42 @@
 """Publishes events that only a simulator can detect: collisions, hard landings, flights outside the
-fence, and payloads that come to rest after their release; and scores how near obstacles are.
+fence, contacts with objects, and payloads that come to rest after their release. Scores how near
+the vehicles fly to obstacles.
 
 Listeners such as a recording receive these events; vehicles, flows and callbacks don't.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Collection, Mapping, Sequence, Set
 from contextlib import suppress
 from functools import partial
 
 from kybflow.core.geometry import Vec3, distance, norm
-from kybflow.core.signals import PayloadState
+from kybflow.core.signals import NS, PayloadState, Time
 from kybflow.dsl.expressions import Clearance
-from kybflow.parts import Link
-from kybflow.parts.events import Collided, FenceLeft, LandedHard, PayloadRested
-from kybflow.parts.link import ReportsTouches, Touch
+from kybflow.parts import Link, Session
+from kybflow.parts.events import (
+    Collided,
+    ContactBegan,
+    ContactEnded,
+    FenceLeft,
+    LandedHard,
+    PayloadRested,
+)
+from kybflow.parts.link import Contact, ReportsTouches, Touch
 from kybflow.parts.observables import Unavailable, View
 from kybflow.runtime.conditions import value_of
 from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.vehicle import Vehicle
+from kybflow.world.objects import ObjectState
 from kybflow.world.shapes import Box
 
 HARD_TOUCH_DOWN = 1.5
 """The speed (m/s) above which a touch-down is too hard."""
 BEYOND_FENCE = 0.1
 """Distance (m) from the fence up to which an estimate may still be inside."""
+CONTACT_S, LEAST_FORCE = 0.05, 0.01
+"""Time over which the force of a contact is averaged, s, and the average below which it ends, N."""
 _REST_DISTANCE = 0.001
 """Largest distance (m) that a payload at rest moves between two steps."""
 _REST_STEPS = 10
@@ -38,7 +49,8 @@ class Impacts:
 
     If a vehicle that may touch down touches a surface that can carry it, it touches down there.
     Every other touch is a collision, even with the floor, unless the mission allows it
-    (`touchable`). The speed of a landing is that in the tick before the touch.
+    (`touchable`), or a vehicle with a bumper touches one of the `objects`. The speed of a landing
+    is that in the tick before the touch.
     """
 
     def __init__(
@@ -47,9 +59,10 @@ class Impacts:
         links: Mapping[str, Link],
         events: Events,
         touchable: Set[str] = frozenset(),
+        objects: Collection[str] = (),
     ) -> None:
         self.first: str | None = None
-        self._events, self._touchable = events, touchable
+        self._events, self._touchable, self._objects = events, touchable, objects
         for vehicle in vehicles:
             link = links.get(vehicle.name)
             if isinstance(link, ReportsTouches):
@@ -57,7 +70,8 @@ class Impacts:
 
     def _touched(self, vehicle: Vehicle, touch: Touch) -> None:
         name, into = vehicle.name, touch.into
-        if into in self._touchable:
+        has_bumper = vehicle.plan.airframe.bumper is not None
+        if into in self._touchable or (has_bumper and into in self._objects):
             return
         if not (touch.carries and vehicle.may_touch_down):
             self.first = self.first or f"`{name}` ran into `{into}`"
@@ -111,6 +125,51 @@ class Clearances:
             if vehicle.airborne:
                 with suppress(Unavailable):
                     vehicle.score.clearance(clearance())
+
+
+class ObjectContacts:
+    """Publishes when vehicles begin and end to touch objects (`contact_began`, `contact_ended`).
+    The engine calls `step` in every tick. forces: the force of each
+    contact now, averaged over `CONTACT_S`, N.
+
+    MuJoCo's forces alternate from step to step, so that a contact ends once its average has almost
+    vanished.
+    """
+
+    def __init__(self, sessions: Sequence[Session], events: Events) -> None:
+        self.forces: dict[Contact, float] = {}
+        self._scenes = [session.scene for session in sessions if session.scene is not None]
+        self._events = events
+        self._begun: dict[Contact, tuple[Time, float]] = {}
+
+    @property
+    def states(self) -> dict[str, ObjectState]:
+        """The true state of every object."""
+        return {name: state for one in self._scenes for name, state in one.states().items()}
+
+    def step(self, now: Time, dt: float) -> None:
+        if not self._scenes:
+            return
+        found = {c: force for one in self._scenes for c, force in one.contacts().items()}
+        share = min(1.0, dt / CONTACT_S)
+        for contact in {*found, *self.forces}:
+            before = self.forces.get(contact, 0.0)
+            force = before + share * (found.get(contact, 0.0) - before)
+            vehicle, touched, surface = contact
+            if contact in found or force >= LEAST_FORCE:
+                if contact not in self._begun:
+                    self._events.emit(ContactBegan(object=touched, surface=surface), vehicle)
+                began, most = self._begun.get(contact, (now, 0.0))
+                self._begun[contact] = began, max(most, force)
+                self.forces[contact] = force
+            else:
+                del self.forces[contact]
+                began, most = self._begun.pop(contact)
+                lasted = (now - began) / NS
+                self._events.emit(
+                    ContactEnded(object=touched, surface=surface, lasted=lasted, force=most),
+                    vehicle,
+                )
 
 
 class PayloadDrops:

@@ -13,7 +13,8 @@ acceleration setpoints are not checked. An alarm that persists is returned in ev
 In the first 3 s after a lift-off the limit is 1.6 times as large. The floor holds a vehicle against
 the wind, which pushes it aside once it flies, until the tracker's integral has met the wind: by
 0.47 m with an emulated ArduPilot in a wind of 5 m/s, 1.8 s after the lift-off, and by more than the
-limit in ArduPilot's own simulator.
+limit in ArduPilot's own simulator. A vehicle that is in the air at its first setpoint has no such
+time.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from kybflow.core.geometry import ZERO, add, distance, norm, scale, sub
 from kybflow.core.signals import Alarm, Reaction, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Length
 from kybflow.parts import Objection, Processor, param, params
+from kybflow.world.ground import height_in_the_air
 from kybflow.world.vehicle_context import VehicleContext
 
 _AVERAGING_S = 2.0
@@ -64,7 +66,7 @@ class PositionError(Processor[PositionErrorParams]):
 
     def __init__(self, params: PositionErrorParams, context: VehicleContext) -> None:
         super().__init__(params, context)
-        self._behind = ZERO
+        self._context, self._behind = context, ZERO
         self._stood: float | None = None
         self._settling = _SETTLING_TIME_S
 
@@ -90,9 +92,12 @@ class PositionError(Processor[PositionErrorParams]):
 
     def _settling_limit(self, limit: float, tick: Tick) -> float:
         """Return the limit of a vehicle that has not flown for long."""
-        height = tick.known().position[2]
+        known = tick.known()
+        height = known.position[2]
         if self._stood is None:
             self._stood = height
+            if height_in_the_air(self._context, known, ()) > 0.0:
+                self._settling = 0.0
         if height < self._stood + _LIFTED_HEIGHT:
             return limit
         self._settling -= tick.dt

@@ -24,8 +24,9 @@ which may hold the vehicle, nothing is judged.
 
 In flights of four airframes with margins of 51 to 58 ms (hovering, on an eight, landing), commands
 that are 30 ms late were never taken for late. 100 ms were noticed after 1 to 2.8 s, and 60 ms,
-which make the vehicle oscillate slowly, after 2 to 30 s. A loop that oscillates for another reason,
-such as an airframe that differs by a fifth from what is declared, is noticed too.
+which make the vehicle oscillate slowly, after 2 to 30 s. L is known to about 15 ms, so the bound is
+at least 25 ms, also if the margin is smaller. A loop that oscillates for another reason, such as an
+airframe that differs by a fifth from what is declared, is noticed too.
 
 Without a tracker that commands attitudes in a loop whose margin is known, or without an IMU,
 nothing is judged; nor where the link measures round trips, because `link` then watches these. The
@@ -57,7 +58,7 @@ from kybflow.world.vehicle_context import VehicleContext
 _ATTITUDE = CommandKind.ATTITUDE_THRUST
 _BAND_S, _AVERAGING_S = 0.08, 1.0
 _LEAST_BOUND_S = 0.025
-"""A smaller bound would raise false alarms: L is known to about 15 ms."""
+"""A smaller bound would raise false alarms."""
 _LONGEST_STEP_NS: Time = NS // 10
 """Longest time between two checks, ns; after a longer one it begins anew."""
 

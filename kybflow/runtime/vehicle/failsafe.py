@@ -142,9 +142,10 @@ class Failsafe:
         self._returns = 0
 
     def check(self, tick: Tick, off_ground: bool) -> RaisedAlarm | None:
-        """Call every supervisor that is due; return the alarm with the severest reaction, or
-        None."""
+        """Call every supervisor that is due; return the alarm with the severest reaction, or None.
+        It is given the lateness that another alarm of this tick reports."""
         worst, self._failed = self._failed, None
+        late = 0.0
         asked = self._hurried
         if tick.now >= self._all_due:
             asked, self._all_due = self._checks, tick.now + _UNHURRIED_PERIOD_NS
@@ -159,8 +160,11 @@ class Failsafe:
                 self._checks = tuple(c for c in self._checks if c[0] != label)
                 self._hurried = tuple(c for c in self._hurried if c[0] != label)
                 raised = self.failure(PartFailed(label, error), Reaction.LAND)
+            late = max(late, raised.alarm.late)
             if worst is None or raised.alarm.reaction > worst.alarm.reaction:
                 worst = raised
+        if worst is not None and late > worst.alarm.late:
+            worst = worst._replace(alarm=worst.alarm._replace(late=late))
         return worst
 
     def foresee(self, tick: Tick) -> list[tuple[str, str, str]]:

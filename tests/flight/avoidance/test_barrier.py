@@ -39,8 +39,8 @@ def test_the_allowed_speed_stops_in_the_room(braking: float, room: float) -> Non
 @given(vectors, demands)
 def test_what_fulfils_every_demand_is_left_alone(wanted: Vec3, asked: list[Demand]) -> None:
     assume(all(d.holds(wanted) for d in asked))
-    assert filtered(wanted, asked, STRONGEST) is wanted
-    assert stopped(wanted, ZERO, asked, STRONGEST, 0.01) is wanted
+    assert filtered(wanted, asked, STRONGEST) == wanted
+    assert stopped(wanted, ZERO, asked, STRONGEST, 0.01) == wanted
 
 
 @given(vectors, demands)

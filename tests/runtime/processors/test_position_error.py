@@ -43,6 +43,13 @@ def test_a_vehicle_that_has_just_lifted_off_may_be_further_away_until_it_has_met
     assert alarms(0.0, 0.6)
 
 
+def test_a_vehicle_that_is_taken_over_in_the_air_may_not() -> None:
+    processor = PositionError(PositionErrorParams(), SITE)
+    for height in (1.0, 1.1):
+        output = processor(at_rest((0.6, 0.0, height)), tick(known=estimate((0.0, 0.0, height))))
+        assert isinstance(output, Alarm)
+
+
 def behind(speed: float, seconds: float, known: float = 0.0) -> Setpoint | Alarm:
     """Asked for `speed` to the east, flying `known`."""
     processor = PositionError(PositionErrorParams(), SITE)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import pytest
 from part_bench import estimate
+from short_flights import NoParams
 
 from kybflow.core.signals import NS, Alarm, Event, Reaction, Tick
+from kybflow.parts import Supervisor
 from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.failsafe import SIGHT_TIME_NS, Failsafe, RaisedAlarm
 
@@ -65,3 +67,22 @@ def test_a_landing_that_failed_stays_blind(failsafe: Failsafe) -> None:
     failed = Alarm("part_failed", Reaction.LAND_BLIND, "`land` failed")
     assert decide(failsafe, failed, NS, known=True) is Reaction.LAND_BLIND
     assert not failsafe.sees_again(tick(9 * NS))
+
+
+class Alarming(Supervisor[NoParams]):
+    always = True
+    events = ()
+
+    def __init__(self, alarm: Alarm) -> None:
+        self._alarm = alarm
+
+    def check(self, tick: Tick, off_ground: bool) -> Alarm:
+        return self._alarm
+
+
+def test_the_lateness_of_an_alarm_that_is_not_the_severest_counts() -> None:
+    late = Alarm("commands_late", Reaction.LAND, "80 ms", late=0.08)
+    supervisors = {"late": Alarming(late), "tilt": Alarming(TILTED)}
+    raised = Failsafe("a", supervisors, {}, Events()).check(tick(NS), True)
+    assert raised is not None
+    assert raised.alarm == TILTED._replace(late=0.08)

@@ -1,0 +1,130 @@
+"""Objects of the world: their joints, where they are, and the simulators that move them: KYB580 to
+KYB584."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from kybflow.core.text import did_you_mean
+from kybflow.core.units import ANGLE, LENGTH, format_quantity
+from kybflow.dsl.checks.case import Case, taken_names
+from kybflow.dsl.checks.obstacles import room_needed
+from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.world import ObjectParams
+from kybflow.world.objects import TurnJoint, corners, distance_to, placements
+from kybflow.world.vehicle_context import LEGS
+
+LEAST_PHYSICS = 500.0
+"""Rate of the physics below which contacts are wrong, Hz: at 250 Hz a pushed bar ended 26 cm
+off."""
+_DEPTH = 1e-6
+
+
+def stands_on_nothing(case: Case) -> Iterator[Diagnostic]:
+    """KYB580: an object is on an object that doesn't exist, or on itself through others."""
+    every = {one.name: one for one in case.plan.world.objects}
+    for name, one in every.items():
+        below = one.on
+        for _ in every:
+            below = every[below].on if below in every and below != name else below
+        if one.on is not None and one.on not in every:
+            hint = did_you_mean(one.on, every) or "name another object, or leave `on` out"
+            message = f"`{name}` is on `{one.on}`, which is no object"
+            yield Diagnostic("KYB580", message, one.span_of("on"), label="unknown", help=hint)
+        elif below == name:
+            message = f"`{name}` is on itself, through `{one.on}`"
+            hint = "leave `on` out of one of them"
+            yield Diagnostic("KYB580", message, one.span_of("on"), help=hint)
+
+
+def moves_nowhere(case: Case) -> Iterator[Diagnostic]:
+    """KYB581: the joint of an object can't move it: there are two joints, its direction is zero,
+    its stops are in the wrong order, or it starts beyond one of them. Or a surface faces
+    nowhere."""
+    for one in case.plan.world.objects:
+        for keys, what, hint in _flaws(one):
+            message = f"`{one.name}` {what}"
+            yield Diagnostic("KYB581", message, one.span_of(*keys), help=hint)
+        for surface in one.surfaces:
+            if not any(surface.facing):
+                message = f"the surface `{surface.name}` of `{one.name}` faces nowhere"
+                hint = "`facing` is a direction, like `[-1, 0, 0]`"
+                yield Diagnostic("KYB581", message, surface.span_of("facing"), help=hint)
+
+
+def _flaws(one: ObjectParams) -> Iterator[tuple[tuple[str, ...], str, str]]:
+    """Yield what is wrong with the joint of an object: keys, in words, and a way out."""
+    joint = one.made.joint
+    if one.slide is not None and one.turn is not None:
+        hint = "put one of them on an object of its own, and this one `on` that"
+        yield ("turn",), "has two joints", hint
+    elif joint is not None:
+        turns = isinstance(joint, TurnJoint)
+        key, direction = ("turn", "about") if turns else ("slide", "along")
+        dimension, numbers = ANGLE if turns else LENGTH, (joint.low, joint.start, joint.high)
+        low, start, high = (format_quantity(q, dimension) for q in numbers)
+        if not any(one.made.axis):
+            hint = f"`{direction}` is a direction, like `[0, 0, 1]`"
+            yield (key, direction), "has a joint without a direction", hint
+        if joint.low >= joint.high:
+            what = f"has its stops in the wrong order: from {low} to {high}"
+            yield (key, "from"), what, "`from` must be below `to`"
+        elif not joint.low <= joint.start <= joint.high:
+            hint = f"`start` must be from {low} to {high}"
+            yield (key, "start"), f"starts beyond its stops, at {start}", hint
+
+
+def named_like_something_else(case: Case) -> Iterator[Diagnostic]:
+    """KYB582: an object has the name of a vehicle, a group or an obstacle, so that a condition or a
+    contact could mean either."""
+    obstacles = (one.name for one in case.plan.world.obstacles)
+    taken = taken_names(case.plan, (obstacles, "an obstacle"))
+    for one in case.plan.world.objects:
+        if one.name in taken:
+            message = f"an object can't be called `{one.name}`"
+            hint = "give it another name"
+            yield Diagnostic("KYB582", message, one.span, taken[one.name], help=hint)
+
+
+def nothing_moves_it(case: Case) -> Iterator[Diagnostic]:
+    """KYB583: the mission has objects, but the simulator has none, or its physics are too slow for
+    contacts, which need 500 Hz."""
+    plan = case.plan
+    for vehicle in plan.vehicles if plan.objects else ():
+        driver = vehicle.driver
+        if not driver.cls.simulated:
+            continue
+        rate = driver.cls.step_rate(driver.params)
+        if not driver.cls.moves_objects:
+            message = f"`{driver.name}` can't simulate the objects of the world"
+            hint = "fly on the target `sim`, or take `objects` out of `world`"
+            yield Diagnostic("KYB583", message, driver.span, help=hint)
+        elif rate is not None and rate < LEAST_PHYSICS:
+            message = f"physics at {rate:g} Hz are too slow for objects"
+            hint = f"write `physics: {LEAST_PHYSICS:g} Hz`"
+            yield Diagnostic("KYB583", message, driver.span_of("physics"), help=hint)
+
+
+def overlaps_at_the_start(case: Case) -> Iterator[Diagnostic]:
+    """KYB584: an object is in the floor, or in a vehicle, when the mission begins."""
+    plan = case.plan
+    if any(True for check in (stands_on_nothing, moves_nowhere) for _ in check(case)):
+        return
+    places = placements(plan.objects, {})
+    for one in plan.world.objects:
+        made, place = plan.objects[one.name], places[one.name]
+        lowest = min(corner[2] for corner in corners(made, place))
+        if lowest < -LEGS - _DEPTH:
+            message = f"`{one.name}` is in the floor, by {format_quantity(-LEGS - lowest, LENGTH)}"
+            hint = (
+                f"raise it: the floor is {format_quantity(LEGS, LENGTH)} below zero, the height of"
+                " a vehicle that stands"
+            )
+            yield Diagnostic("KYB584", message, one.span_of("at"), help=hint)
+        for vehicle in plan.vehicles:
+            room = distance_to(made, place, vehicle.start)
+            if room < (vehicle.airframe.bumper or vehicle.airframe.arm):
+                message = f"`{vehicle.name}` starts in the object `{one.name}`"
+                where, label = vehicle.span_of("start", "at"), room_needed(vehicle, room)
+                hint = "move the start further away"
+                yield Diagnostic("KYB584", message, where, label=label, help=hint)

@@ -1,0 +1,224 @@
+"""Objects of the world that move: bodies on joints, and the surfaces at which vehicles push them.
+
+An object is a box, with a plate at each surface. Its pose p', R' follows from the pose p, R of what
+it is on, which is the world or another object, and from the coordinate q of its joint along or
+about the unit vector a, in the object's axes:
+
+    slide    p' = p + R (at + H a q),    R' = R H
+    turn     p' = p + R at,              R' = R H exp(a q)
+    neither  p' = p + R at,              R' = R H
+
+H turns about z by `heading`. An object of the world without a joint is free: this is its first
+pose. World frame and body frame as in `kybflow.core.geometry`; SI units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import product
+from math import cos, inf, sin, sqrt
+from typing import Annotated, NamedTuple
+
+from kybflow.core.geometry import (
+    LEVEL,
+    UP,
+    ZERO,
+    Quat,
+    Vec3,
+    add,
+    cross,
+    from_axes,
+    from_heading,
+    multiply,
+    norm,
+    rotate,
+    rotate_back,
+    scale,
+    sub,
+)
+from kybflow.core.params import key, record
+from kybflow.core.units import (
+    NUMBER,
+    Angle,
+    Force,
+    Length,
+    RotaryViscosity,
+    Torque,
+    Viscosity,
+)
+
+PLATE = 0.01
+"""Thickness of a surface's plate, m."""
+GRIP = 0.5
+"""Usual coefficient of friction between a hull of foam and a plate."""
+
+
+@record("slide")
+class SlideJoint:
+    """A joint along which an object slides."""
+
+    along: Annotated[Vec3, NUMBER] = key("Direction, of any length, in the object's axes.")
+    low: Length = key("Position of the stop behind, relative to `at`.", key="from")
+    high: Length = key("Position of the stop ahead.", key="to")
+    start: Length = key("Position at the start.", default=0.0)
+    friction: Force = key("Dry friction.", default=0.0, at_least=0.0)
+    damping: Viscosity = key("Viscous friction.", default=0.0, at_least=0.0)
+
+
+@record("turn")
+class TurnJoint:
+    """A joint about which an object turns."""
+
+    about: Annotated[Vec3, NUMBER] = key("Axis, of any length, in the object's axes.")
+    low: Angle = key("Angle of the stop clockwise.", key="from")
+    high: Angle = key("Angle of the stop counter-clockwise.", key="to")
+    start: Angle = key("Angle at the start.", default=0.0)
+    friction: Torque = key("Dry friction.", default=0.0, at_least=0.0)
+    damping: RotaryViscosity = key("Viscous friction.", default=0.0, at_least=0.0)
+
+
+class ObjectSurface(NamedTuple):
+    """A flat surface of an object, where vehicles push it. at: its centre. facing: the direction
+    out of it; both in the object's axes."""
+
+    name: str
+    at: Vec3
+    facing: Vec3
+    width: float
+    height: float
+
+    @property
+    def outward(self) -> Vec3:
+        """The unit vector out of the surface, in the object's axes."""
+        return unit(self.facing)
+
+    @property
+    def attitude(self) -> Quat:
+        """The attitude of axes with x out of the surface and y along its width."""
+        x = self.outward
+        side = cross(UP, x)
+        y = unit(side) if norm(side) > 1e-6 else (0.0, 1.0, 0.0)
+        return from_axes(x, y, cross(x, y))
+
+
+class WorldObject(NamedTuple):
+    """An object. at: its centre. size: along its axes. mass: with its surfaces. on: the object that
+    it is on, None for the world. joint: None if it is free or, on another object, a part of it.
+    grip: the coefficient of friction of its faces."""
+
+    name: str
+    at: Vec3
+    size: Vec3
+    mass: float
+    on: str | None = None
+    heading: float = 0.0
+    joint: SlideJoint | TurnJoint | None = None
+    grip: float = GRIP
+    surfaces: tuple[ObjectSurface, ...] = ()
+
+    @property
+    def is_free(self) -> bool:
+        """Whether it moves in all directions."""
+        return self.joint is None and self.on is None
+
+    @property
+    def axis(self) -> Vec3:
+        """The unit vector along or about which it moves, in its own axes; zero without a joint."""
+        match self.joint:
+            case SlideJoint(along=direction) | TurnJoint(about=direction):
+                return unit(direction)
+            case None:
+                return ZERO
+
+    @property
+    def volume(self) -> float:
+        """The volume of its box and plates, m^3."""
+        x, y, z = self.size
+        return x * y * z + sum(PLATE * s.width * s.height for s in self.surfaces)
+
+    def placed(self, below: Placement, q: float) -> Placement:
+        """Return its pose on something with the pose `below`, with its joint at `q`."""
+        attitude = multiply(below.attitude, from_heading(self.heading))
+        at = add(below.position, rotate(below.attitude, self.at))
+        if isinstance(self.joint, SlideJoint):
+            at = add(at, rotate(attitude, scale(self.axis, q)))
+        elif isinstance(self.joint, TurnJoint):
+            x, y, z = scale(self.axis, sin(0.5 * q))
+            attitude = multiply(attitude, (cos(0.5 * q), x, y, z))
+        return Placement(at, attitude)
+
+
+class Placement(NamedTuple):
+    """A pose in the world."""
+
+    position: Vec3
+    attitude: Quat
+
+
+WORLD = Placement(ZERO, LEVEL)
+
+
+class ObjectState(NamedTuple):
+    """What an object does. q, speed: the coordinate of its joint and its rate; for a free object
+    the heading and its rate. world frame, SI."""
+
+    position: Vec3
+    attitude: Quat
+    velocity: Vec3
+    q: float
+    speed: float
+
+
+def unit(direction: Vec3) -> Vec3:
+    """Return the unit vector along a direction, or zero if it has none."""
+    length = norm(direction)
+    return scale(direction, 1.0 / length) if length > 0.0 else ZERO
+
+
+def in_order(objects: Iterable[WorldObject]) -> Iterator[WorldObject]:
+    """Yield the objects, each after the one that it is on. Those on a circle, or on an unknown
+    one, are left out."""
+    waiting = list(objects)
+    known: set[str | None] = {None}
+    while ready := [one for one in waiting if one.on in known]:
+        waiting = [one for one in waiting if one.on not in known]
+        known |= {one.name for one in ready}
+        yield from ready
+
+
+def placements(objects: Mapping[str, WorldObject], q: Mapping[str, float]) -> dict[str, Placement]:
+    """Return the pose of every object from the coordinates of the joints; without one, that of the
+    start."""
+    found: dict[str, Placement] = {}
+    for one in in_order(objects.values()):
+        start = 0.0 if one.joint is None else one.joint.start
+        below = WORLD if one.on is None else found[one.on]
+        found[one.name] = one.placed(below, q.get(one.name, start))
+    return found
+
+
+def boxes_of(one: WorldObject) -> Iterator[tuple[Vec3, Quat, Vec3]]:
+    """Yield the boxes of an object: centre and attitude in its axes, and half of the size."""
+    yield ZERO, LEVEL, scale(one.size, 0.5)
+    for surface in one.surfaces:
+        centre = add(surface.at, scale(surface.outward, -0.5 * PLATE))
+        yield centre, surface.attitude, (0.5 * PLATE, 0.5 * surface.width, 0.5 * surface.height)
+
+
+def corners(one: WorldObject, place: Placement) -> Iterator[Vec3]:
+    """Yield the corners of an object's box and plates, world frame."""
+    for centre, attitude, (hx, hy, hz) in boxes_of(one):
+        for x, y, z in product((-hx, hx), (-hy, hy), (-hz, hz)):
+            inside = add(centre, rotate(attitude, (x, y, z)))
+            yield add(place.position, rotate(place.attitude, inside))
+
+
+def distance_to(one: WorldObject, place: Placement, p: Vec3) -> float:
+    """Return the distance (m) of a point from an object; zero inside."""
+    seen = rotate_back(place.attitude, sub(p, place.position))
+    found = inf
+    for centre, attitude, half in boxes_of(one):
+        inside = rotate_back(attitude, sub(seen, centre))
+        beyond = (max(abs(a) - h, 0.0) for a, h in zip(inside, half, strict=True))
+        found = min(found, sqrt(sum(b * b for b in beyond)))
+    return found
