@@ -279,13 +279,13 @@ class Substitution:
             return Sequence(items, node.span._replace(given=given))
         changed: dict[str, MappingEntry] = {}
         for key, entry in node.entries.items():
-            if isinstance(entry.value, Scalar) and "$" not in entry.value.text:
-                continue
             written = entry.value
-            if key in _TEXTS and isinstance(written, Scalar) and not _WHOLE.match(written.text):
-                continue
-            value = self.apply(entry.value, key in _EXPRESSIONS)
-            if value is not entry.value:
+            if isinstance(written, Scalar):
+                text = written.text
+                if "$" not in text or (key in _TEXTS and not _WHOLE.match(text)):
+                    continue
+            value = self.apply(written, key in _EXPRESSIONS)
+            if value is not written:
                 changed[key] = entry._replace(value=value)
         return Mapping({**node.entries, **changed}, node.span) if changed else node
 

@@ -30,6 +30,7 @@ class FakeVehicle:
     position: Vec3 = ZERO
     airborne: bool = True
     score: VehicleScore | None = None
+    plan = SimpleNamespace(airframe=SimpleNamespace(bumper=None))
 
     @property
     def truth(self):
@@ -91,10 +92,8 @@ def test_a_flight_outside_the_fence_is_seen_once(position, airborne, expected):
 
 def test_the_least_clearance_in_the_air_is_scored():
     """Of the true state, from every obstacle that vehicles keep away from."""
-    view, score = (
-        FakeView(hull=0.1, obstacles={"pole": Sphere((0.0, 0.0, 0.0), 0.2)}),
-        VehicleScore("a"),
-    )
+    view = FakeView(hull=0.1, obstacles={"pole": Sphere((0.0, 0.0, 0.0), 0.2)})
+    score = VehicleScore("a")
     vehicle = FakeVehicle(0.0, True, score=score)
     watched, empty = (Clearances([vehicle], {"a": view}, names) for names in (("pole",), ()))
     for east, airborne in ((2.0, True), (1.0, True), (3.0, True), (0.5, False)):
