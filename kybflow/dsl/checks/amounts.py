@@ -1,10 +1,11 @@
 """Parameters of implausible size, such as angles of many turns and distances larger than the room:
-KYB426 to KYB429, KYB444 and KYB565."""
+KYB426 to KYB429, KYB444, KYB564 and KYB565."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
+from itertools import pairwise
 from math import pi, tan
 from typing import Any, NamedTuple
 
@@ -15,10 +16,12 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.flow_places import entered_by_flows
 from kybflow.dsl.checks.limits import LIMITS
 from kybflow.dsl.checks.reachability import entries_of
-from kybflow.dsl.checks.space import footprints
+from kybflow.dsl.checks.space import footprints, shown_point
 from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.plan import PartPlan, VehiclePlan
+from kybflow.dsl.reading.nodes import entries_of as entries_of_node
+from kybflow.dsl.reading.nodes import items_of
 from kybflow.parts import AIR, GROUND
 
 _ROUNDING = 1e-6
@@ -105,6 +108,31 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
                 help=f"write a smaller value, such as `{field.name}: {usual}`",
                 severity=Severity.WARNING,
             )
+
+
+def corner_twice(case: Case) -> Iterator[Diagnostic]:
+    """KYB564: a path has the same corner twice in a row, so the second does nothing (a warning)."""
+    for _, state in case.states():
+        part = state.behavior
+        for name in _paths(part.params.__class__):
+            corners = getattr(part.params, name) or ()
+            index = next((i for i, (a, b) in enumerate(pairwise(corners), 1) if a == b), None)
+            if index is None or not part.is_written(name):
+                continue
+            items = items_of(entries_of_node(part.source.node)[name].value)
+            yield Diagnostic(
+                "KYB564",
+                f"`{name}` of `{state.name}` has a corner twice in a row",
+                items[index].span if index < len(items) else part.span_of(name),
+                label=f"{shown_point(corners[index])} again",
+                help="correct the corner, or remove it",
+                severity=Severity.WARNING,
+            )
+
+
+@functools.cache
+def _paths(params: Any) -> tuple[str, ...]:
+    return tuple(field.name for field in fields_of(params) if field.shape == "path")
 
 
 def entered_too_low(case: Case) -> Iterator[Diagnostic]:

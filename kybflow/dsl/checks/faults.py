@@ -18,6 +18,7 @@ from kybflow.dsl.expressions import parse
 from kybflow.dsl.plan import FaultPlan, PartPlan
 from kybflow.dsl.reading.nodes import entries_of
 from kybflow.parts.fault import ActiveFaults
+from kybflow.world.cameras import SOUND
 from kybflow.world.vehicle_context import Airframe
 
 _FULL_STRENGTH_NS: Time = 1000 * NS
@@ -121,9 +122,19 @@ def unknown_estimators(case: Case) -> Iterator[Diagnostic]:
 
 def of_no_effect(case: Case) -> Iterator[Diagnostic]:
     """KYB336: a fault of the camera, the tags or motion capture is applied to a vehicle that uses
-    none of them."""
+    none of them, or the messages of a vehicle are lost that no other vehicle hears."""
     for fault in case.plan.faults:
         vehicle, kind = case.plan.fleet.get(fault.vehicle), fault.part.cls.spoils
+        if vehicle is not None and _active_under(fault).silent:
+            others = (state.behavior for own, state in case.states() if own is not vehicle)
+            if not any(behavior.cls.hears for behavior in others):
+                yield Diagnostic(
+                    "KYB336",
+                    f"`{fault.part.name}` has no effect: no other vehicle hears `{vehicle.name}`",
+                    fault.part.span,
+                    label="none follows it or flies with it",
+                    help="remove the fault",
+                )
         if vehicle is None or kind is None:
             continue
         parts = [use.part for use in vehicle.estimators]
@@ -235,6 +246,14 @@ def _active_under(fault: FaultPlan) -> ActiveFaults:
     if active.vehicle in effects:
         active.begin(effects[active.vehicle], 0)
     return active
+
+
+def misleads(fault: FaultPlan) -> bool:
+    """Return whether a fault can make the vehicle believe that it is elsewhere."""
+    active = _active_under(fault)
+    biased = any(active.gyro_bias) or any(active.accelerometer_bias)
+    seen = active.body != active.vehicle or active.view != active.vehicle
+    return bool(active.filters or active.estimators or biased or seen or active.camera != SOUND)
 
 
 def conditions(case: Case) -> Iterator[Diagnostic]:
