@@ -233,8 +233,8 @@ def longer_than_the_mission(case: Case) -> Iterator[Diagnostic]:
                 limit, what = within, f"`{text.as_written}`"
     for vehicle, state in case.states():
         part = state.behavior
-        for name in _times(part.params.__class__):
-            value = getattr(part.params, name) if part.is_written(name) else None
+        for name in _times(part.params.__class__) & part.source.node.entries.keys():
+            value = getattr(part.params, name)
             if value is None:
                 continue
             own = [t.after for t in state.transitions if t.cause == "within" and t.after]
@@ -254,8 +254,8 @@ def longer_than_the_mission(case: Case) -> Iterator[Diagnostic]:
 
 
 @functools.cache
-def _times(params: Any) -> tuple[str, ...]:
-    return tuple(field.name for field in fields_of(params) if field.dimension is DURATION)
+def _times(params: Any) -> frozenset[str]:
+    return frozenset(field.name for field in fields_of(params) if field.dimension is DURATION)
 
 
 def out_of_energy(case: Case) -> Iterator[Diagnostic]:

@@ -116,8 +116,9 @@ def beyond_the_vehicle(case: Case) -> Iterator[Diagnostic]:
     The vehicle itself enforces the limits of some drivers, such as an AR.Drone's `altitude_max`. A
     behavior needs the tilt atan(a / g) for its acceleration a.
     """
+    capped = {v.name: caps for v in case.plan.vehicles if (caps := list(_caps(v)))}
     most: dict[tuple[str, str], tuple[float, StatePlan]] = {}
-    for vehicle, state, _, footprint in case.cached(footprints):
+    for vehicle, state, _, footprint in case.cached(footprints) if capped else ():
         is_vertical = any(GROUND in leg for leg in state.legs)
         top = max((p[2] for p in (*footprint.points, *footprint.path)), default=-inf)
         needs = {
@@ -126,25 +127,26 @@ def beyond_the_vehicle(case: Case) -> Iterator[Diagnostic]:
             "height": top - vehicle.start[2],
         }
         for what, need in needs.items():
-            most_able = getattr(vehicle.airframe, what, inf)
+            most_able = getattr(vehicle.airframe, what, inf)  # KYB314 and KYB317 report more
             if most_able + _ROUNDING >= need > most.get((vehicle.name, what), (0.0, state))[0]:
                 most[vehicle.name, what] = need, state
-    for vehicle in case.plan.vehicles:
-        for part, name, what in _caps(vehicle):
-            cap = getattr(part.params, name)
-            if cap is None or (vehicle.name, what) not in most:
+    for name, caps in capped.items():
+        for part, parameter, what in caps:
+            cap = getattr(part.params, parameter)
+            if cap is None or (name, what) not in most:
                 continue
-            need, state = most[vehicle.name, what]
+            need, state = most[name, what]
             if need <= cap + _ROUNDING:
                 continue
-            dimension = next(f.dimension for f in part.fields if f.name == name)
+            dimension = next(f.dimension for f in part.fields if f.name == parameter)
             assert dimension is not None
+            needed = format_quantity(need, dimension)
             yield Diagnostic(
                 "KYB560",
-                f"`{name}` of `{part.name}` is too small for `{state.name}` of `{vehicle.name}`",
-                part.span_of(name),
-                label=f"it needs {format_quantity(need, dimension)}",
-                help=f"write at least `{name}: {format_quantity(need, dimension)}`",
+                f"`{parameter}` of `{part.name}` is too small for `{state.name}` of `{name}`",
+                part.span_of(parameter),
+                label=f"it needs {needed}",
+                help=f"write at least `{parameter}: {needed}`",
                 related=(Related(state.behavior.span, f"`{state.name}`"),),
             )
 
@@ -154,8 +156,8 @@ def _caps(vehicle: VehiclePlan) -> Iterator[tuple[PartPlan, str, str]]:
     airframe, each with what it limits."""
     tracker = vehicle.tracker
     yield from ((vehicle.driver, name, what) for what, name in vehicle.driver.cls.caps.items())
-    own = (field.name for field in tracker.fields if tracker.is_written(field.name))
-    yield from ((tracker, name, name) for name in own if name in ("tilt", "climb"))
+    own = (name for name in ("tilt", "climb") if tracker.is_written(name))
+    yield from ((tracker, name, name) for name in own)
 
 
 def another_body(case: Case) -> Iterator[Diagnostic]:
@@ -163,18 +165,19 @@ def another_body(case: Case) -> Iterator[Diagnostic]:
     would be wrong (a warning in simulation, where any airframe can carry the model's computer)."""
     for vehicle in case.plan.vehicles:
         driver, body = vehicle.driver, vehicle.body
-        for field in fields_of(Airframe):
-            least, most = driver.cls.bodies.get(field.name, (-inf, inf))
-            value = getattr(vehicle.airframe, field.name)
-            if field.dimension is None or least == -inf or least <= value <= most:
+        for name, (least, most) in driver.cls.bodies.items():
+            value = getattr(vehicle.airframe, name)
+            if least <= value <= most:
                 continue
-            own, low, high = (format_quantity(n, field.dimension) for n in (value, least, most))
+            dimension = next(f.dimension for f in fields_of(Airframe) if f.name == name)
+            assert dimension is not None
+            own, low, high = (format_quantity(n, dimension) for n in (value, least, most))
             yield Diagnostic(
                 "KYB561",
                 f"the airframe of `{vehicle.name}` is not that of the driver `{driver.name}`",
                 driver.span,
-                label=f"flies vehicles with a {field.name} of {low} to {high}",
-                notes=(f"the airframe's {field.name} is {own} ({body.span_of(field.name).at})",),
+                label=f"flies vehicles with a {name} of {low} to {high}",
+                notes=(f"the airframe's {name} is {own} ({body.span_of(name).at})",),
                 help="use the airframe of the vehicle that flies, or another driver",
                 related=(Related(vehicle.span, f"`{vehicle.name}`"),),
                 severity=Severity.WARNING if driver.cls.simulated else Severity.ERROR,

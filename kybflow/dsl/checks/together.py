@@ -70,18 +70,17 @@ def never_comes(case: Case) -> Iterator[Diagnostic]:
     with other values of parameters that must be equal, such as the shape of a formation. The others
     would wait in vain."""
     shared, groups = case.cached(_shared), case.plan.groups
-    flown: dict[tuple[str, str, str], list[StatePlan]] = {}
-    for one in shared:
-        key = one.vehicle.name, one.state.behavior.name, one.group
-        flown.setdefault(key, []).append(one.state)
+    flown: dict[tuple[str, str], dict[str, dict[object, StatePlan]]] = {}
+    for vehicle, state, group, _ in shared:
+        members = flown.setdefault((state.behavior.name, group), {})
+        members.setdefault(vehicle.name, {}).setdefault(_agreed(state.behavior), state)
     lost = {s.vehicle.name for s in shared if s.group not in groups}
     for vehicle, state, group, span in shared:
-        part = state.behavior.name
-        members = [m for m in groups.get(group, ()) if m in case.plan.fleet and m not in lost]
-        team = {member: flown.get((member, part, group), []) for member in members}
-        with_it = [m for m, theirs in team.items() if any(_agree(state, o) for o in theirs)]
-        for member, theirs in team.items():
-            if not theirs:
+        part, own = state.behavior.name, _agreed(state.behavior)
+        team = [m for m in groups.get(group, ()) if m in case.plan.fleet and m not in lost]
+        states = flown[part, group]
+        for member in team:
+            if member not in states:
                 yield Diagnostic(
                     "KYB522",
                     f"`{member}` never flies `{part}` with `{group}`",
@@ -89,9 +88,10 @@ def never_comes(case: Case) -> Iterator[Diagnostic]:
                     label=f"`{state.name}` waits for it",
                     help=f"give `{member}` this behavior, or name a group without it",
                 )
-        odd = vehicle.name in with_it and 2 * len(with_it) <= len(members)
-        others = [s for m, theirs in team.items() if m not in with_it for s in theirs]
-        if others and odd and (2 * len(with_it) < len(members) or members[0] not in with_it):
+        alike = [m for m in team if own in states.get(m, ())]
+        others = [s for m in team if m not in alike for s in states.get(m, {}).values()]
+        is_odd = 0 < 2 * len(alike) < len(team) + (team[0] not in alike)
+        if others and is_odd and vehicle.name in alike:
             other = next((s for s in others if s.name == state.name), others[0])
             apart = _differing(state.behavior, other.behavior)
             name = next((n for n in apart if state.behavior.is_written(n)), apart[0])
@@ -105,8 +105,9 @@ def never_comes(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _agree(one: StatePlan, other: StatePlan) -> bool:
-    return not _differing(one.behavior, other.behavior)
+def _agreed(part: PartPlan) -> tuple[object, ...]:
+    """Return the values that all who fly a behavior together must have."""
+    return tuple([getattr(part.params, name) for name in part.cls.agreed])
 
 
 def _differing(one: PartPlan, other: PartPlan) -> list[str]:
@@ -120,8 +121,9 @@ def at_each_other(case: Case) -> Iterator[Diagnostic]:
     together. It is an error if a phase lets them fly so at the same time, otherwise a warning."""
     follows: dict[tuple[str, str], tuple[str, Span]] = {}
     for vehicle, state in case.states():
-        for parameter, name in named_in(state.behavior.params, "vehicle").items():
-            span = state.behavior.span_of(parameter)
+        part = state.behavior
+        for parameter, name in named_in(part.params, "vehicle").items() if part.cls.hears else ():
+            span = part.span_of(parameter)
             follows[vehicle.name, state.name] = name, span
     if len({leader for leader, _ in follows.values()}) < 2:
         return
