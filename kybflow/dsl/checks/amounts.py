@@ -1,10 +1,11 @@
 """Parameters of implausible size, such as angles of many turns and distances larger than the room:
-KYB426 to KYB429 and KYB444."""
+KYB426 to KYB429, KYB444, KYB564 and KYB565."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
+from itertools import pairwise
 from math import pi, tan
 from typing import Any, NamedTuple
 
@@ -12,11 +13,15 @@ from kybflow.core.geometry import GRAVITY
 from kybflow.core.params import Field, fields_of, fields_with
 from kybflow.core.units import ACCELERATION, ANGLE, DURATION, LENGTH, SPEED
 from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.flow_places import entered_by_flows
 from kybflow.dsl.checks.limits import LIMITS
-from kybflow.dsl.checks.space import footprints
+from kybflow.dsl.checks.reachability import entries_of
+from kybflow.dsl.checks.space import footprints, shown_point
 from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.plan import PartPlan, VehiclePlan
+from kybflow.dsl.reading.nodes import entries_of as entries_of_node
+from kybflow.dsl.reading.nodes import items_of
 from kybflow.parts import AIR, GROUND
 
 _ROUNDING = 1e-6
@@ -83,7 +88,7 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
         for field in fields_with(part.params.__class__, "room"):
             if fence is None or not part.is_written(field.name):
                 continue
-            is_height, value = field.room == "up", getattr(part.params, field.name)
+            is_height, value = field.room != "across", getattr(part.params, field.name)
             extent = fence.size[2] if is_height else max(fence.size)
             if value is None or value <= (extent if is_height else 0.5 * extent):
                 continue
@@ -103,6 +108,60 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
                 help=f"write a smaller value, such as `{field.name}: {usual}`",
                 severity=Severity.WARNING,
             )
+
+
+def corner_twice(case: Case) -> Iterator[Diagnostic]:
+    """KYB564: a path has the same corner twice in a row, so the second does nothing (a warning)."""
+    for _, state in case.states():
+        part = state.behavior
+        for name in _paths(part.params.__class__):
+            corners = getattr(part.params, name) or ()
+            index = next((i for i, (a, b) in enumerate(pairwise(corners), 1) if a == b), None)
+            if index is None or not part.is_written(name):
+                continue
+            items = items_of(entries_of_node(part.source.node)[name].value)
+            yield Diagnostic(
+                "KYB564",
+                f"`{name}` of `{state.name}` has a corner twice in a row",
+                items[index].span if index < len(items) else part.span_of(name),
+                label=f"{shown_point(corners[index])} again",
+                help="correct the corner, or remove it",
+                severity=Severity.WARNING,
+            )
+
+
+@functools.cache
+def _paths(params: Any) -> tuple[str, ...]:
+    return tuple(field.name for field in fields_of(params) if field.shape == "path")
+
+
+def entered_too_low(case: Case) -> Iterator[Diagnostic]:
+    """KYB565: a behavior is entered below the smallest height at which it flies, so it can't obey
+    until the vehicle has climbed (a warning)."""
+    for vehicle, state in case.states():
+        part = state.behavior
+        for field in fields_with(part.params.__class__, "room"):
+            if field.room != "floor" or not part.is_written(field.name):
+                continue
+            least = vehicle.start[2] + getattr(part.params, field.name)
+            own = (
+                entries_of(vehicle)[state.name].points if state.name in entries_of(vehicle) else ()
+            )
+            flown = (
+                p
+                for v, name, p in case.cached(entered_by_flows)
+                if (v, name) == (vehicle, state.name)
+            )
+            low = next((p for p in (*own, *flown) if p[2] < least - _ROUNDING), None)
+            if low is not None:
+                yield Diagnostic(
+                    "KYB565",
+                    f"`{state.name}` is entered below its `{field.name}`",
+                    part.span_of(field.name),
+                    label=f"entered {quantity(low[2] - vehicle.start[2], LENGTH)} above the start",
+                    help=f"climb higher first, or reduce `{field.name}`",
+                    severity=Severity.WARNING,
+                )
 
 
 def _parts(case: Case) -> Iterator[PartPlan]:

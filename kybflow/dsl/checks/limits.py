@@ -1,5 +1,5 @@
 """Demands beyond an airframe's limits, implausible airframes, and payloads: KYB314, KYB316 to
-KYB319, KYB395 to KYB397, KYB420 and KYB421."""
+KYB319, KYB395 to KYB397, KYB420, KYB421, KYB560 and KYB561."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from kybflow.core.params import fields_of
 from kybflow.core.units import ANGLE, FORCE, MASS, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import footprints, the_limit, values_of
-from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
+from kybflow.dsl.diagnostics import Diagnostic, Related, Severity, Span
 from kybflow.dsl.expressions.tree import quantity
-from kybflow.dsl.plan import Body, StatePlan, VehiclePlan
+from kybflow.dsl.plan import Body, PartPlan, StatePlan, VehiclePlan
 from kybflow.parts import GROUND
 from kybflow.world.plausible import Implausible, of_airframe, of_parcel
 from kybflow.world.vehicle_context import Airframe, Parcel
@@ -107,6 +107,82 @@ def too_steep(case: Case) -> Iterator[Diagnostic]:
             help="fly it more slowly, or make its curves wider",
             related=(*the_limit(vehicle, "tilt"), *values_of(state.behavior)),
         )
+
+
+def beyond_the_vehicle(case: Case) -> Iterator[Diagnostic]:
+    """KYB560: a driver or a tracker limits the tilt, the climb or the height to less than a
+    behavior needs.
+
+    The vehicle itself enforces the limits of some drivers, such as an AR.Drone's `altitude_max`. A
+    behavior needs the tilt atan(a / g) for its acceleration a.
+    """
+    capped = {v.name: caps for v in case.plan.vehicles if (caps := list(_caps(v)))}
+    most: dict[tuple[str, str], tuple[float, StatePlan]] = {}
+    for vehicle, state, _, footprint in case.cached(footprints) if capped else ():
+        is_vertical = any(GROUND in leg for leg in state.legs)
+        top = max((p[2] for p in (*footprint.points, *footprint.path)), default=-inf)
+        needs = {
+            "tilt": atan(footprint.acceleration / GRAVITY),
+            "climb": footprint.speed if is_vertical else 0.0,
+            "height": top - vehicle.start[2],
+        }
+        for what, need in needs.items():
+            most_able = getattr(vehicle.airframe, what, inf)  # KYB314 and KYB317 report more
+            if most_able + _ROUNDING >= need > most.get((vehicle.name, what), (0.0, state))[0]:
+                most[vehicle.name, what] = need, state
+    for name, caps in capped.items():
+        for part, parameter, what in caps:
+            cap = getattr(part.params, parameter)
+            if cap is None or (name, what) not in most:
+                continue
+            need, state = most[name, what]
+            if need <= cap + _ROUNDING:
+                continue
+            dimension = next(f.dimension for f in part.fields if f.name == parameter)
+            assert dimension is not None
+            needed = format_quantity(need, dimension)
+            yield Diagnostic(
+                "KYB560",
+                f"`{parameter}` of `{part.name}` is too small for `{state.name}` of `{name}`",
+                part.span_of(parameter),
+                label=f"it needs {needed}",
+                help=f"write at least `{parameter}: {needed}`",
+                related=(Related(state.behavior.span, f"`{state.name}`"),),
+            )
+
+
+def _caps(vehicle: VehiclePlan) -> Iterator[tuple[PartPlan, str, str]]:
+    """Yield the parameters of the driver and the tracker that limit the vehicle to less than its
+    airframe, each with what it limits."""
+    tracker = vehicle.tracker
+    yield from ((vehicle.driver, name, what) for what, name in vehicle.driver.cls.caps.items())
+    own = (name for name in ("tilt", "climb") if tracker.is_written(name))
+    yield from ((tracker, name, name) for name in own)
+
+
+def another_body(case: Case) -> Iterator[Diagnostic]:
+    """KYB561: a driver flies only one model, and the airframe is another: the gains and limits
+    would be wrong (a warning in simulation, where any airframe can carry the model's computer)."""
+    for vehicle in case.plan.vehicles:
+        driver, body = vehicle.driver, vehicle.body
+        for name, (least, most) in driver.cls.bodies.items():
+            value = getattr(vehicle.airframe, name)
+            if least <= value <= most:
+                continue
+            dimension = next(f.dimension for f in fields_of(Airframe) if f.name == name)
+            assert dimension is not None
+            own, low, high = (format_quantity(n, dimension) for n in (value, least, most))
+            yield Diagnostic(
+                "KYB561",
+                f"the airframe of `{vehicle.name}` is not that of the driver `{driver.name}`",
+                driver.span,
+                label=f"flies vehicles with a {name} of {low} to {high}",
+                notes=(f"the airframe's {name} is {own} ({body.span_of(name).at})",),
+                help="use the airframe of the vehicle that flies, or another driver",
+                related=(Related(vehicle.span, f"`{vehicle.name}`"),),
+                severity=Severity.WARNING if driver.cls.simulated else Severity.ERROR,
+            )
+            break
 
 
 class _Frame(NamedTuple):

@@ -185,6 +185,10 @@ class FormationSettled(BehaviorEvent):
 class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
     axes: ClassVar[tuple[str, ...]] = AXES
     hears = True
+    agreed = (
+        "shape", "side", "points", "center", "turned", "input", "path", "leader", "offset",
+        "heading", "frame",
+    )  # fmt: skip
     own_events = (
         FormationSettled,
         NeighbourJoined,
