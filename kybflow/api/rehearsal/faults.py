@@ -146,7 +146,12 @@ def _is_lost(verdict: Verdict, expression: tree.Expression, engine: Engine) -> b
 def _vehicles(expression: tree.Expression) -> Iterator[str]:
     for node in nodes(expression):
         match node:
-            case tree.Read(str(vehicle)) | tree.InState(vehicle) | tree.Location(str(vehicle)):
+            case (
+                tree.Read(str(vehicle))
+                | tree.InState(vehicle)
+                | tree.Location(str(vehicle))
+                | tree.Clearance(vehicle)
+            ):
                 yield vehicle
             case tree.GroupInState(_, _, vehicles) | tree.Separation(vehicles):
                 yield from vehicles
@@ -156,7 +161,7 @@ def _is_of_a_place(expression: tree.Expression) -> bool:
     match expression:
         case tree.Eventually(tree.Compare(_, left)) | tree.Finally(tree.Compare(_, left)):
             is_read = isinstance(left, tree.Read) and left.name in _PLACES
-            return is_read or isinstance(left, tree.Distance | tree.Separation)
+            return is_read or isinstance(left, tree.Distance | tree.Separation | tree.Clearance)
     return False
 
 
