@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import chain
 from math import atan, floor, inf
 from typing import NamedTuple
 
@@ -28,8 +29,8 @@ LIMITS = frozenset({"tilt", "speed", "climb"})
 
 
 def beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
-    """KYB316: the `tilt`, `speed` or `climb` of a tracker or a processor exceeds that of the
-    airframe."""
+    """KYB316: the `tilt`, `speed` or `climb` of a tracker or a processor, or the `climb` of a
+    behavior, exceeds that of the airframe."""
     limited = [field for field in fields_of(Airframe) if field.name in LIMITS]
     written = (
         (vehicle, part, field)
@@ -39,7 +40,10 @@ def beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
         for field in limited
         if part.is_written(field.name)
     )
-    for vehicle, part, field in written:
+    climb = next(field for field in limited if field.name == "climb")
+    states = ((v, s.behavior) for v, s in case.states() if s.behavior.is_written("climb"))
+    climbing = ((vehicle, part, climb) for vehicle, part in states)
+    for vehicle, part, field in chain(written, climbing):
         name, dimension = field.name, field.dimension
         if dimension is None:
             continue
@@ -114,15 +118,18 @@ def beyond_the_vehicle(case: Case) -> Iterator[Diagnostic]:
     behavior needs.
 
     The vehicle itself enforces the limits of some drivers, such as an AR.Drone's `altitude_max`. A
-    behavior needs the tilt atan(a / g) for its acceleration a.
+    behavior needs the tilt atan(a / g) for the acceleration a of its curves, and at least half of
+    the `acceleration` with which it plans to fly to another place.
     """
     capped = {v.name: caps for v in case.plan.vehicles if (caps := list(_caps(v)))}
     most: dict[tuple[str, str], tuple[float, StatePlan]] = {}
     for vehicle, state, _, footprint in case.cached(footprints) if capped else ():
         is_vertical = any(GROUND in leg for leg in state.legs)
-        top = max((p[2] for p in (*footprint.points, *footprint.path)), default=-inf)
+        way = (*footprint.points, *footprint.path)
+        top, is_level = max((p[2] for p in way), default=-inf), len({p[:2] for p in way}) > 1
+        planned = getattr(state.behavior.params, "acceleration", 0.0) if is_level else 0.0
         needs = {
-            "tilt": atan(footprint.acceleration / GRAVITY),
+            "tilt": atan(max(footprint.acceleration, 0.5 * planned) / GRAVITY),
             "climb": footprint.speed if is_vertical else 0.0,
             "height": top - vehicle.start[2],
         }
