@@ -189,11 +189,10 @@ def never_up_beside_a_fault(mission: Mission) -> Changes:
 @senseless
 def two_ends_beside_a_fault(mission: Mission) -> Changes:
     """It ends in `fault`, in a mission that expects it to land."""
-    lands = mission.items("faults") and mission.expectations("finally", "in landed")
-    for vehicle in mission.own() if lands else ():
-        line = f"finally {vehicle.name} in fault"
-        also = tuple(mission.expectations("finally", "in landed"))
-        yield change(own_list(mission, "expect", line), also=also)
+    for vehicle in mission.own() if mission.items("faults") else ():
+        also = tuple(mission.expectations(f"finally {vehicle.name} in landed"))
+        if also:
+            yield change(own_list(mission, "expect", f"finally {vehicle.name} in fault"), also=also)
 
 
 @senseless
