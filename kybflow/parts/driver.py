@@ -69,27 +69,21 @@ class Session(ABC):
 class Driver(Part[P]):
     """Connects to the vehicles that use this driver.
 
-        accepts: kinds of command that the vehicles follow. provides: kinds of measurement. streams_imu:
-        the IMU arrives, some 25 times a second, even if nothing subscribes to it. simulated:
-        the vehicles are simulated and can have faults. lands: the vehicles have a land mode, and their
-        links implement `Lands`. lands_blind: the land mode needs no position; it also lands a vehicle
-        that doesn't accept the commands of the built-in state `land_blind`. grips: the vehicles may
-        have a servo that holds a payload, and their links implement `Grips`. acts: the acts that the
-        vehicles perform, by name; if there are any, the links implement `Performs`. shared: a pilot or
-        another program may command the vehicles too. brings: sensors that the compiler adds if an
-    <<<<<<< HEAD
-        estimator needs their measurements. moves_objects: the objects of the world move in its
-        simulator (`Session.scene`). preflight_timeout: seconds in which the vehicles must become ready
-        to fly. targets: targets that every mission has without declaring them, each with the driver's
-        parameters.
-    =======
-        estimator needs their measurements. preflight_timeout: seconds in which the vehicles must become
-        ready to fly. caps: what the vehicles themselves limit (`tilt` and `climb` as an airframe does,
-        and `height` above the start), each with the driver's parameter that sets the limit. bodies: the
-        range of the airframe's parameters that the driver's vehicles have, if it flies only one model.
-        targets: targets that every mission has without declaring them, each with the
-        driver's parameters.
-    >>>>>>> h2
+    accepts: kinds of command that the vehicles follow. provides: kinds of measurement. streams_imu:
+    the IMU arrives, some 25 times a second, even if nothing subscribes to it. simulated:
+    the vehicles are simulated and can have faults. lands: the vehicles have a land mode, and their
+    links implement `Lands`. lands_blind: the land mode needs no position; it also lands a vehicle
+    that doesn't accept the commands of the built-in state `land_blind`. grips: the vehicles may
+    have a servo that holds a payload, and their links implement `Grips`. acts: the acts that the
+    vehicles perform, by name; if there are any, the links implement `Performs`. shared: a pilot or
+    another program may command the vehicles too. brings: sensors that the compiler adds if an
+    estimator needs their measurements. moves_objects: the objects of the world move in its
+    simulator (`Session.scene`). preflight_timeout: seconds in which the vehicles must become ready
+    to fly. caps: what the vehicles themselves limit (`tilt` and `climb` as an airframe does, and
+    `height` above the start), each with the driver's parameter that sets the limit. bodies: the
+    range of the airframe's parameters that the driver's vehicles have, if it flies only one model.
+    targets: targets that every mission has without declaring them, each with the driver's
+    parameters.
     """
 
     kind = "drivers"

@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.params import Field, fields_of, fields_with
-from kybflow.core.units import ACCELERATION, ANGLE, DURATION, LENGTH, SPEED
+from kybflow.core.units import ACCELERATION, ANGLE, ANGULAR_RATE, DURATION, LENGTH, SPEED
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.flow_places import entered_by_flows
 from kybflow.dsl.checks.limits import LIMITS
 from kybflow.dsl.checks.reachability import entries_of
 from kybflow.dsl.checks.space import footprints, shown_point
-from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.plan import PartPlan, VehiclePlan
 from kybflow.dsl.reading.nodes import entries_of as entries_of_node
@@ -28,26 +28,35 @@ _ROUNDING = 1e-6
 _TURN = 2.0 * pi
 _MIN_SPEED = 0.02
 """The least speed that makes sense for a flight, m/s: nearly a minute per metre."""
+_MIN_RATE = pi / 180.0
+"""The least rate of turning that makes sense, rad/s: six minutes a turn."""
+_MIN_TILT = 0.5 * pi / 180.0
+"""The least tilt that makes sense, rad: it accelerates by less than 0.1 m/s^2."""
 _MIN_CLIMB = 0.1
 """The least climb of a take-off, m. After a smaller one the vehicle may still be on the ground."""
 
 
 def several_turns(case: Case) -> Iterator[Diagnostic]:
-    """KYB426: an angle is larger than one turn, such as `90 rad` instead of `90 deg` (a
-    warning)."""
+    """KYB426: an angle is larger than one turn, such as `90 rad` instead of `90 deg`, or a rate is
+    more than one turn a second (a warning)."""
     angles = [(v.span_of("start", "heading"), "heading", v.heading) for v in case.plan.vehicles]
+    rates: list[tuple[Span, str, float]] = []
     for number in case.cached(_written):
         name = number.field.name
         if number.field.dimension is ANGLE:
             angles.append((number.part.span_of(name), name, number.value))
-    for span, name, value in angles:
+        elif number.field.dimension is ANGULAR_RATE:
+            rates.append((number.part.span_of(name), name, number.value))
+    told = [(a, "", f"did you mean `{a[2]:g} deg`?") for a in angles]
+    told += [(rate, " a second", "write at most `360 deg/s`") for rate in rates]
+    for (span, name, value), unit, hint in told:
         if abs(value) > _TURN + _ROUNDING:
             yield Diagnostic(
                 "KYB426",
-                f"`{name}` is more than one turn",
+                f"`{name}` is more than one turn{unit}",
                 span,
-                label=f"{abs(value) / _TURN:.3g} turns",
-                help=f"did you mean `{value:g} deg`?",
+                label=f"{abs(value) / _TURN:.3g} turns{unit}",
+                help=hint,
                 severity=Severity.WARNING,
             )
 
@@ -66,7 +75,7 @@ class _Number(NamedTuple):
 
 
 def _written(case: Case) -> Iterator[_Number]:
-    """Yield every angle and acceleration that the mission gives to a behavior."""
+    """Yield every angle, rate and acceleration that the mission gives to a behavior."""
     for vehicle, state in case.states():
         part = state.behavior
         for field in _judged(part.params.__class__):
@@ -76,7 +85,7 @@ def _written(case: Case) -> Iterator[_Number]:
 
 @functools.cache
 def _judged(params: Any) -> tuple[Field, ...]:
-    kinds = (ANGLE, ACCELERATION)
+    kinds = (ANGLE, ANGULAR_RATE, ACCELERATION)
     return tuple(f for f in fields_of(params) if f.dimension in kinds and f.shape == "scalar")
 
 
@@ -196,7 +205,24 @@ def beyond_any_tilt(case: Case) -> Iterator[Diagnostic]:
 
 
 def crawls(case: Case) -> Iterator[Diagnostic]:
-    """KYB429: a `speed` or `climb` is below 2 cm/s, at which a flight takes minutes (a warning)."""
+    """KYB429: a `speed` or `climb` is below 2 cm/s, a rate of turning below 1 deg/s, or the `tilt`
+    of a behavior below 0.5 deg, at which a flight or a turn takes minutes (a warning)."""
+    for _, part, field in case.cached(_written):
+        value, dimension, name = getattr(part.params, field.name), field.dimension, field.name
+        is_slow = dimension is ANGULAR_RATE and 0.0 < abs(value or 0.0) < _MIN_RATE
+        if not is_slow and not (name == "tilt" and value < _MIN_TILT):
+            continue
+        assert dimension is not None
+        more = quantity(field.default or 1.0, dimension)
+        turns = f"one turn takes {quantity(round(_TURN / abs(value)), DURATION)}"
+        yield Diagnostic(
+            "KYB429",
+            f"`{name}` of `{part.alias}` is too small to get anywhere",
+            part.span_of(name),
+            label=turns if is_slow else "",
+            help=f"write a larger value, such as `{name}: {more}`",
+            severity=Severity.WARNING,
+        )
     for part in _parts(case):
         for field in part.fields:
             name = field.name

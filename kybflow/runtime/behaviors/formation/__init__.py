@@ -143,7 +143,7 @@ class FormationParams(FormationRoomParams):
     acceleration: Acceleration = param("Largest acceleration.", default=0.7, above=0.0)
     tolerance: Length = param(
         "Largest mean error of a settled member's distances to its nearest eight.",
-        default=0.05, above=0.0,
+        default=0.05, above=0.0, room="across",
     )  # fmt: skip
     delay: Duration = param(
         "Smallest age of the members' messages, to simulate a radio.",
