@@ -30,7 +30,6 @@ from kybflow.dsl.checks.reachability import FlightNode, endless_states, entries_
 from kybflow.dsl.checks.space import the_time_limit
 from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 from kybflow.dsl.expressions import (
-    parse,
     tree,
 )
 from kybflow.dsl.names import end_of
@@ -227,8 +226,8 @@ def longer_than_the_mission(case: Case) -> Iterator[Diagnostic]:
     The mission lasts no longer than its `time_limit`, and than an expectation `finished within`.
     """
     limit, what = case.plan.time_limit, "the mission's `time_limit`"
-    for text in case.plan.texts_of("expect"):
-        match parse(text, case.scopes.expectation())[0]:
+    for text, expression in case.expected():
+        match expression:
             case tree.Finished(within) if within < limit:
                 limit, what = within, f"`{text.as_written}`"
     for vehicle, state in case.states():
@@ -324,10 +323,10 @@ def _flights(case: Case, vehicle: VehiclePlan) -> Iterator[Way]:
 def expected_too_soon(case: Case) -> Iterator[Diagnostic]:
     """KYB435: an expectation allows less time than the mission needs to finish, or to bring a
     vehicle into a state."""
-    for text in case.plan.texts_of("expect"):
+    for text, expression in case.expected():
         if "within" not in text.text:
             continue
-        way = _too_slow(case, parse(text, case.scopes.expectation())[0])
+        way = _too_slow(case, expression)
         if way is not None:
             yield Diagnostic(
                 "KYB435",
@@ -339,7 +338,7 @@ def expected_too_soon(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _too_slow(case: Case, expectation: tree.Expression | None) -> Way | None:
+def _too_slow(case: Case, expectation: tree.Expression) -> Way | None:
     """Return the quickest path to the state that an expectation waits for, if it takes too long."""
     match expectation:
         case tree.Finished(limit):
@@ -399,8 +398,8 @@ def _left_alone(case: Case) -> Iterator[VehiclePlan]:
     vehicle with a fault counts if the mission expects it to end in `landed`: then the failsafe must
     not end its flight in `fault`."""
     broken = {fault.vehicle for fault in case.plan.faults}
-    for text in case.plan.texts_of("expect") if broken else ():
-        match parse(text, case.scopes.expectation())[0]:
+    for _, expression in case.expected() if broken else ():
+        match expression:
             case tree.Finally(tree.InState(name, "landed")):
                 broken.discard(name)
             case tree.Finally(tree.GroupInState("all", _, names, "landed")):

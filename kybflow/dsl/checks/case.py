@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar, cast
 from kybflow.core.errors import PartError
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics import Diagnostic, Text, goals_like
-from kybflow.dsl.expressions import Condition, Scope, parse
+from kybflow.dsl.expressions import Condition, Expression, Scope, parse
 from kybflow.dsl.expressions.tokens import KEYWORDS
 from kybflow.dsl.language.records import Record
 from kybflow.dsl.names import BUILT_IN, Scopes
@@ -52,6 +52,12 @@ class Case:
             self._found[find] = list(find(self))
         return self._found[find]
 
+    def expected(self) -> Iterator[tuple[Text, Expression]]:
+        """Yield every expectation that can be parsed."""
+        for text, expression, _ in self.cached(parsed_expectations):
+            if expression is not None:
+                yield text, expression
+
     def states(self) -> Iterator[tuple[VehiclePlan, StatePlan]]:
         """Yield every vehicle's states, each with its vehicle."""
         for vehicle in self.plan.vehicles:
@@ -89,6 +95,15 @@ class Case:
 
     def accepts(self, vehicle: VehiclePlan, state: str, flight: Flight) -> bool:
         return any(leg.start is flight for leg in self.legs(vehicle, state))
+
+
+def parsed_expectations(
+    case: Case,
+) -> Iterator[tuple[Text, Expression | None, list[Diagnostic]]]:
+    """Yield every expectation as written and as parsed, and its errors."""
+    scope = case.scopes.expectation()
+    for text in case.plan.texts_of("expect"):
+        yield text, *parse(text, scope)
 
 
 def taken_names(plan: Plan, *more: tuple[Iterable[str], str]) -> dict[str, str]:

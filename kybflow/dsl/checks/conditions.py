@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from kybflow.core.signals import Battery, Sticks
 from kybflow.core.units import DURATION, format_quantity
-from kybflow.dsl.checks.case import Case, transitions_of
+from kybflow.dsl.checks.case import Case, parsed_expectations, transitions_of
 from kybflow.dsl.checks.space import the_time_limit
 from kybflow.dsl.checks.transitions import reached_states
 from kybflow.dsl.diagnostics import Diagnostic, Text
@@ -54,9 +54,8 @@ def _misread(owner: Record, key: str, scope: Scope) -> Iterator[Diagnostic]:
 
 def expectations(case: Case) -> Iterator[Diagnostic]:
     """Every line of `expect` must be a valid expectation."""
-    scope = case.scopes.expectation()
-    for expectation in case.plan.texts_of("expect"):
-        yield from parse(expectation, scope)[1]
+    for _, _, errors in case.cached(parsed_expectations):
+        yield from errors
 
 
 class TypedCondition(NamedTuple):
@@ -137,8 +136,8 @@ def _typed(
 
 def expected_conditions(case: Case) -> Iterator[TypedCondition]:
     """Yield the condition of every expectation, without its `always`, `eventually` or `finally`."""
-    for text in case.plan.texts_of("expect"):
-        match parse(text, case.scopes.expectation())[0]:
+    for text, expression in case.expected():
+        match expression:
             case tree.Always(condition) | tree.Eventually(condition) | tree.Finally(condition):
                 yield TypedCondition(text, condition, None, "expect")
             case tree.Compare(left=tree.Aggregate()) as condition:

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.envelopes import reaches_of
 from kybflow.dsl.diagnostics import Diagnostic, Related, Span, Text
-from kybflow.dsl.expressions import parse, tree
+from kybflow.dsl.expressions import tree
 from kybflow.dsl.expressions.reasoning import never_holds
 
 _When = Literal["every", "some", "last"]
@@ -18,13 +18,15 @@ _When = Literal["every", "some", "last"]
 class _Claim(NamedTuple):
     """What an expectation claims of a condition: that it holds in every tick, in at least one, or
     in the last one. about: the values that it compares, and the vehicles whose state it tests.
-    state: the state in which it is claimed; None if it is of the whole run."""
+    state: the state in which it is claimed; None if it is of the whole run. side: `<` or `>` of a
+    statistic's bound, empty for any other condition; bounds on one side hold together."""
 
     text: Text
     when: _When
     condition: tree.Condition
     about: frozenset[object]
     state: str | None = None
+    side: str = ""
 
 
 def contradictory(case: Case) -> Iterator[Diagnostic]:
@@ -35,15 +37,15 @@ def contradictory(case: Case) -> Iterator[Diagnostic]:
     perhaps in one state. An `eventually` and the other statistics need a tick in which their
     condition holds, and a `finally` needs the last one.
     """
-    texts = case.plan.texts_of("expect")
-    if len(texts) < 2:
+    if len(case.plan.expect) < 2:
         return
-    scope = case.scopes.expectation()
-    claims = [claim for text in texts for claim in _claims(text, parse(text, scope)[0])]
+    claims = [claim for text, found in case.expected() for claim in _claims(text, found)]
     told, certain = set[Span](), reaches_of(case)(None).certain
     for one, other in combinations(claims, 2):
         is_one_tick = "every" in (one.when, other.when) or one.when == other.when == "last"
         if not is_one_tick or one.text is other.text or one.about.isdisjoint(other.about):
+            continue
+        if one.side and one.side == other.side:
             continue
         both = one.condition, other.condition
         if one.state and other.state and one.state != other.state:
@@ -62,7 +64,7 @@ def contradictory(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _claims(text: Text, expression: tree.Expression | None) -> list[_Claim]:
+def _claims(text: Text, expression: tree.Expression) -> list[_Claim]:
     """Return the claims of an expectation. One of a state is made of every tick, that the vehicle
     is elsewhere or the bound holds, and of one tick in the state."""
     match expression:
@@ -81,9 +83,9 @@ def _claims(text: Text, expression: tree.Expression | None) -> list[_Claim]:
             if vehicle is not None and state is not None:
                 here = tree.InState(vehicle, state)
                 every, some = tree.Or((tree.Not(here), compared)), tree.And((here, compared))
-            claims = [_Claim(text, "some", some, about, state)]
+            claims = [_Claim(text, "some", some, about, state, operator[0])]
             if (function, operator[0]) in (("max", "<"), ("min", ">")):
-                claims.append(_Claim(text, "every", every, about, state))
+                claims.append(_Claim(text, "every", every, about, state, operator[0]))
             return claims
     return []
 

@@ -18,7 +18,6 @@ from kybflow.dsl.checks.flows import phases
 from kybflow.dsl.diagnostics import Diagnostic, Severity, Span, Text
 from kybflow.dsl.expanding.flows import written
 from kybflow.dsl.expressions import (
-    parse,
     tree,
 )
 from kybflow.dsl.expressions.reasoning import (
@@ -295,7 +294,7 @@ def _limited_by(
 def false_at_first(case: Case) -> Iterator[Diagnostic]:
     """KYB412: an `always` is false in the first tick, when the vehicles are at their starts, so it
     fails in every flight."""
-    for text, expression in _expected(case):
+    for text, expression in case.expected():
         if not isinstance(expression, tree.Always):
             continue
         usual, _, at_first = reaches_of(case)(None)
@@ -313,7 +312,7 @@ def false_at_first(case: Case) -> Iterator[Diagnostic]:
 def true_at_first(case: Case) -> Iterator[Diagnostic]:
     """KYB413: an `eventually` is true in the first tick, when the vehicles are at their starts, so
     it checks nothing of the flight (a warning)."""
-    for text, expression in _expected(case):
+    for text, expression in case.expected():
         if not isinstance(expression, tree.Eventually):
             continue
         usual, _, at_first = reaches_of(case)(None)
@@ -329,18 +328,10 @@ def true_at_first(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _expected(case: Case) -> Iterator[tuple[Text, tree.Expression]]:
-    """Yield every expectation that can be parsed."""
-    for text in case.plan.texts_of("expect"):
-        expression = parse(text, case.scopes.expectation())[0]
-        if expression is not None:
-            yield text, expression
-
-
 def ends_in_the_air(case: Case) -> Iterator[Diagnostic]:
     """KYB425: a `finally` has the same result in every flight, because a run ends only when all
     vehicles are on the ground: none is then in a state that it flies in the air."""
-    for text, expression in _expected(case):
+    for text, expression in case.expected():
         if isinstance(expression, tree.Finally):
             condition = expression.condition
             aloft = tuple(
@@ -369,7 +360,7 @@ def longer_than_the_run(case: Case) -> Iterator[Diagnostic]:
     """KYB414: an expectation allows more time than the run has, so its `within` has no effect (a
     warning)."""
     limit = case.plan.time_limit
-    for text, expression in _expected(case):
+    for text, expression in case.expected():
         match expression:
             case tree.Eventually(_, within) | tree.Finished(within) if (
                 within is not None and within > limit
