@@ -471,7 +471,8 @@ class Tick(NamedTuple):
     have published in earlier ticks. moving: the moving obstacles. wrong_frame: why the frame of the
     poses is wrong, None while no error is known. imu_motion: the motion by the IMU alone if that
     frame is wrong; None otherwise. rejection: why the vehicle doesn't use the positions that it is
-    sent, None if it does. command: the one that was sent in the last tick.
+    sent, None if it does. command: the one that was sent in the last tick. frame_unknown: whether
+    the frame of the poses should have been judged in this flight by now, but could not be.
     """
 
     now: Time
@@ -492,6 +493,7 @@ class Tick(NamedTuple):
     imu_motion: InertialMotion | None = None
     rejection: str | None = None
     command: Command | None = None
+    frame_unknown: bool = False
 
     @property
     def sound_estimate(self) -> Estimate | None:
