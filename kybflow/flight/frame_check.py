@@ -108,6 +108,8 @@ MAX_LEAD_NS: Time = round(MAX_SAMPLE_S * NS)
 """By how much a pose may be newer than the IMU, ns; a newer one waits for it."""
 MAX_PIECE_S = 0.1
 """Longest time over which the samples are averaged before they are integrated, s."""
+MAX_UNEVEN = 1.2
+"""The longest sample over the mean one from which each is weighted by its length."""
 MOST_SAMPLES, MOST_POSES = 512, 32
 """How many samples are kept for late poses, and how many poses for late samples."""
 MAX_UNCOMPARED_S = 1.0
@@ -275,12 +277,12 @@ class FrameCheck:
         elapsed, known = self._since - begun, fsum(piece[2] for piece in pieces) * NS
         if self.wrong is not None:
             self._integrate(pieces)
-        elif not 0.5 * elapsed < known < 2.0 * elapsed or self._jolted:
+        elif not 0.5 * elapsed < known < 2.0 * elapsed or self._jolted or not self.is_judged:
             self._restart(pose)
         elif abs(angle[2]) > MAX_SPIN * seconds:
             self._restart(pose)
             self.uncompared = 0.0
-        elif self.is_judged:
+        else:
             self._integrate(pieces)
             self._compare(time, pose.position, (self._since - time) / NS)
             self._steps += 1
@@ -301,7 +303,7 @@ class FrameCheck:
         if not samples:
             return ()
         self._since = samples[-1].time
-        self._jolted = False
+        self._jolted = self._seldom = False
         size = max(1, int(MAX_PIECE_S / max(samples[0].dt, 1e-3)))
         return [self._piece(samples[i : i + size]) for i in range(0, len(samples), size)]
 
@@ -309,13 +311,17 @@ class FrameCheck:
         _, periods, forces, rates = zip(*samples, strict=True)
         seconds = fsum(periods)
         share = seconds / len(samples)
+        longest = max(periods)
+        if longest > MAX_UNEVEN * share:  # ticks were late; each sample counts by its length
+            forces = tuple(scale(f, dt / share) for f, dt in zip(forces, periods, strict=True))
+            rates = tuple(scale(w, dt / share) for w, dt in zip(rates, periods, strict=True))
         fx, fy, fz = map(fsum, zip(*forces, strict=True))
         wx, wy, wz = map(fsum, zip(*rates, strict=True))
-        change = forces[-1][2] - forces[0][2]
+        change = samples[-1].specific_force[2] - samples[0].specific_force[2]
         self._jolted |= change * change > BLOW_FORCE * BLOW_FORCE
         self._shaking += NOISE_SHARE * (0.5 * share * change * change - self._shaking)
         self._coarse = share > MAX_FINE_SAMPLE_S
-        self._seldom = share > MAX_SAMPLE_S
+        self._seldom |= share > MAX_SAMPLE_S or longest > MAX_PIECE_S
         angle, gained = (share * wx, share * wy, share * wz), (share * fx, share * fy, share * fz)
         return angle, gained, seconds
 

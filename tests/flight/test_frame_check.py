@@ -239,6 +239,31 @@ def test_a_wrong_frame_is_told_however_late_its_poses_are(name, wrong, seed):
     assert when < 0.9, "half a second after the motion shows it, and the delay"
 
 
+@pytest.mark.parametrize("seed", [3, 6, 11])
+@pytest.mark.parametrize(("factor", "tells"), [(0.9, False), (1e-3, True)])
+def test_samples_that_late_ticks_make_long_are_no_motion(factor, tells, seed):
+    """A computer under load: one sample in thirty lasts 0.03 to 0.12 s."""
+    draw, check = random.Random(seed), FrameCheck()
+    motion, t = Motion(((0.3, 2.0), (0.4, 2.5), (0.5, 2.0))), -1.0
+    while t < 4.0:
+        dt = draw.uniform(0.03, 0.12) if draw.random() < 1 / 30 else 0.008
+        t += dt
+        steps = [t - dt * (i + 0.5) / 20 for i in range(20)]
+        forces = [
+            rotate_back(motion.attitude(s), add(motion.acceleration(s), (0.0, 0.0, GRAVITY)))
+            for s in steps
+        ]
+        force = scale(tuple(map(sum, zip(*forces, strict=True))), 0.05)
+        _, x, y, z = multiply(conjugate(motion.attitude(t - dt)), motion.attitude(t))
+        time = round((t + 2.0) * NS)
+        check.add_imu(Imu(time, dt, force, scale((x, y, z), 2.0 / dt)))
+        place = scale(motion.position(t), factor)
+        check.add_poses([Pose(time, place, motion.attitude(t))], t > 0.0)
+        if check.wrong is not None:
+            break
+    assert (check.wrong is not None) is tells, check.wrong
+
+
 @pytest.mark.parametrize("lost_of_ten", [0, 6])
 def test_poses_that_cannot_be_compared_are_counted_until_they_can(lost_of_ten):
     bounds = []
