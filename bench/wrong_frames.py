@@ -14,9 +14,11 @@ m/s. up, across: the longest time from lift-off (1 cm), and from the first horiz
 0.3 m/s, to the alarm, seconds; a minus means that the alarm came before. An `!` marks a row that is
 beyond the figures: a height of 0.6 m if scale or the up axis is wrong, else 1.1 m; 1 m aside;
 1.5 m/s; 0.5 s to the alarm, from lift-off in the former case; a wrong frame that nothing told, or
-an alarm in a frame that is right. With `--unchecked` the preflight is ignored, so that what it
-would find is left to the flight. `--false-alarms` flies the shipped missions in the lab with
-`model_error: 20 %`, and counts alarms.
+an alarm in a frame that is right. A vehicle that never leaves the ground needs no alarm. With
+`--unchecked` the preflight is ignored, so that what it would find is left to the flight.
+`--false-alarms` flies the shipped missions in the lab with
+`model_error: 20 %` and without faults, seed by seed, and counts alarms of any supervisor that
+judges the vehicle's own state.
 """
 
 from __future__ import annotations
@@ -47,6 +49,13 @@ from kybflow.runtime.engine import Engine  # noqa: E402
 from kybflow.sensors.vrpn.server import Publish, Server, published, to  # noqa: E402
 
 ALARM = "mocap_frame_wrong"
+FALSE_ALARMS = frozenset(
+    {
+        ALARM, "mocap_frame_unchecked", "poses_rejected", "commands_late", "tilted", "jumped",
+        "spinning", "estimate_lost", "ground_touched",
+    }
+)  # fmt: skip
+"""What no flight without faults may raise."""
 MISSION = """\
 kybflow: 1
 mission: wrong_frame
@@ -259,7 +268,7 @@ def is_beyond(rule: str, seen: Seen, seeds: int) -> bool:
     highest = 0.6 if rule in VERTICAL else 1.1
     return (
         seen.height > highest or seen.side > 1.0 or seen.down > 1.5 or late > 0.5
-        or len(seen.told) < seeds
+        or (len(seen.told) < seeds and seen.height > 0.01)
     )  # fmt: skip
 
 
@@ -285,12 +294,12 @@ def planned(world: str, estimator: str, port: int) -> Plan:
 
 
 def rough(plan: Plan) -> Plan:
-    """The plan on vehicles with a model error of 20 %."""
+    """The plan on vehicles with a model error of 20 %, without faults."""
     vehicles = []
     for vehicle in plan.vehicles:
         params = replace(vehicle.driver.params, model_error=0.2)
         vehicles.append(replace(vehicle, driver=replace(vehicle.driver, params=params)))
-    return replace(plan, vehicles=tuple(vehicles))
+    return replace(plan, vehicles=tuple(vehicles), faults=())
 
 
 def missions(only: str) -> Iterator[tuple[str, Plan]]:
@@ -310,13 +319,13 @@ def main() -> None:
     options = parser.parse_args()
     if options.false_alarms:
         flights = alarms = 0
-        for name, plan in missions(options.only):
-            for seed in range(options.seeds):
-                _, told, summary = flown(plan, seed)
-                found = [e for e in told if e.name == ALARM]
-                flights, alarms = flights + 1, alarms + bool(found)
-                for event in found:
-                    print(name, seed, event.time / 1e9, event.fields, flush=True)
+        plans = list(missions(options.only))
+        for seed, (name, plan) in product(range(options.seeds), plans):
+            _, told, summary = flown(plan, seed)
+            found = [e for e in told if e.name in FALSE_ALARMS]
+            flights, alarms = flights + 1, alarms + bool(found)
+            for event in found:
+                print(name, seed, event.time / 1e9, event.name, event.fields, flush=True)
             print(f"{name}: {summary['outcome']}; {alarms} of {flights} flights", flush=True)
         return
     rows = beyond = 0

@@ -475,7 +475,8 @@ class Tick(NamedTuple):
     have published in earlier ticks. moving: the moving obstacles. wrong_frame: why the frame of the
     poses is wrong, None while no error is known. imu_motion: the motion by the IMU alone if that
     frame is wrong; None otherwise. rejection: why the vehicle doesn't use the positions that it is
-    sent, None if it does. command: the one that was sent in the last tick.
+    sent, None if it does. command: the one that was sent in the last tick. uncompared: for how long
+    poses have come in this flight by which their frame could not be judged, s.
     """
 
     now: Time
@@ -496,6 +497,7 @@ class Tick(NamedTuple):
     imu_motion: InertialMotion | None = None
     rejection: str | None = None
     command: Command | None = None
+    uncompared: float = 0.0
 
     @property
     def sound_estimate(self) -> Estimate | None:

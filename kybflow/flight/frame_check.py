@@ -104,9 +104,19 @@ SETTLING_TIME_NS, MOVED_TIME_NS = NS, 3 * NS
 MAX_FINE_SAMPLE_S = 0.0125
 """Longest interval (s) of IMU samples that don't miss a blow such as the touch-down. Otherwise the
 blow is in all comparisons of 2 h, so that as many more in a row must show a wrong frame."""
-MAX_SAMPLE_S, MAX_GAP_NS, MOST_SAMPLES = 0.045, NS // 8, 64
+MAX_SAMPLE_S, MAX_GAP_NS = 0.045, NS // 8
 """Longest interval of IMU samples of which the integral is exact enough, s: autopilots send 25 a
-second. Longest gap between samples, ns. How many are kept until the next pose."""
+second. Longest gap between samples, ns."""
+MAX_LEAD_NS: Time = round(MAX_SAMPLE_S * NS)
+"""By how much a pose may be newer than the IMU, ns; a newer one waits for it."""
+MAX_PIECE_S = 0.1
+"""Longest time over which the samples are averaged before they are integrated, s."""
+MAX_UNEVEN = 1.2
+"""The longest sample over the mean one from which each is weighted by its length."""
+MOST_SAMPLES, MOST_POSES = 512, 32
+"""How many samples are kept for late poses, and how many poses for late samples."""
+MAX_UNCOMPARED_S = 1.0
+"""How long poses may come in flight without one that can be compared, s."""
 MAX_SPIN = 3.0
 """Turn rate about body z, rad/s, above which the integral is not exact enough to judge by, such as
 that of a vehicle with a weak rotor."""
@@ -124,11 +134,18 @@ class _Moment(NamedTuple):
     moved: Vec3
 
 
+_Piece = tuple[Vec3, Vec3, float]
+"""What the IMU measured in a short time: the angle, rad, and the change of velocity, m/s, in body
+axes, and that time, s."""
+
+
 class FrameCheck:
     """The check of one vehicle.
 
     due: the time of the next pose to process.
     wrong: the finding, None without one. From then on the IMU is integrated without the poses.
+    uncompared: for how long poses have come in flight of which none could be compared, s; zero once
+    the frame is confirmed, and for a vehicle whose IMU was not good enough on the ground.
     slant: the angle between the vertical by the poses and by the accelerometer at rest, rad; None
     while unknown. shake: how far the poses at rest are from steady, m.
     """
@@ -140,15 +157,18 @@ class FrameCheck:
         "_attitude",
         "_bias",
         "_coarse",
+        "_expects",
         "_felt",
         "_jolted",
         "_leap",
         "_levelled",
         "_moments",
         "_moved",
+        "_newest",
         "_noise",
         "_offset",
         "_pairs",
+        "_poses",
         "_rested",
         "_rests",
         "_seen",
@@ -166,6 +186,7 @@ class FrameCheck:
         "due",
         "shake",
         "slant",
+        "uncompared",
         "wrong",
     )  # fmt: skip
 
@@ -173,11 +194,12 @@ class FrameCheck:
         self.due: Time = 0
         self.wrong: WrongFrame | None = None
         self.slant: float | None = None
-        self.shake = 0.0
+        self.shake = self.uncompared = 0.0
         self._waiting: deque[Imu] = deque(maxlen=MOST_SAMPLES)
-        self._since = self._still = 0
+        self._poses: deque[Pose] = deque(maxlen=MOST_POSES)
+        self._newest = self._since = self._still = 0
         self._stirred: Time = -SETTLING_TIME_NS
-        self._rests = self._jolted = self._agrees = False
+        self._rests, self._jolted, self._agrees, self._expects = True, False, False, False
         self._coarse = self._seldom = True
         self._rested, self._felt, self._turned, self._levelled = 0.0, ZERO, ZERO, LEVEL
         self._bias = self._noise = self._shaking = 0.0
@@ -200,13 +222,12 @@ class FrameCheck:
         return self._steps >= CONFIRMING_COMPARISONS
 
     def is_current(self, now: Time) -> bool:
-        """Whether the motion by the IMU is known up to about `now`: it is integrated to the time of
-        each pose."""
+        """Return whether the motion by the IMU is known up to about `now`."""
         return now - self._since <= MAX_GAP_NS
 
     def motion(self, now: Time) -> InertialMotion:
         """Return the motion by the IMU at `now`, from rest or from the last time when the poses
-        agreed with it. Since the last pose, for `MAX_GAP_NS` at most, the vehicle is taken to
+        agreed with it. Since the last sample, for `MAX_GAP_NS` at most, the vehicle is taken to
         accelerate steadily."""
         velocity = add(self._velocity, self._offset)
         ahead = add(velocity, scale(self._acceleration, min(now - self._since, MAX_GAP_NS) / NS))
@@ -221,22 +242,35 @@ class FrameCheck:
     def add_imu(self, imu: Imu) -> None:
         """Add an IMU sample."""
         self._waiting.append(imu)
+        self._newest = imu.time
 
     def add_poses(self, measurements: Sequence[Measurement], rotors_turn: bool) -> None:
-        """Process the first pose among the measurements that is due, and the IMU samples before it.
-        rotors_turn: whether the rotors turn, so that the vehicle may fly."""
+        """Process the poses among the measurements that are due, each with the IMU samples before
+        it, whichever of the two is late. rotors_turn: whether the rotors turn, so that the vehicle
+        may fly."""
         for measurement in measurements:
             if isinstance(measurement, Pose) and measurement.time >= self.due:
-                break
-        else:
+                time = measurement.time
+                if self._expects and rotors_turn and not self.is_confirmed:
+                    since = time - self.due + COMPARISON_PERIOD_NS
+                    self.uncompared += since / NS if since <= MAX_GAP_NS else 0.0
+                self.due = time + COMPARISON_PERIOD_NS
+                self._poses.append(measurement)
+        while self._poses and (
+            not rotors_turn or self._poses[0].time <= self._newest + MAX_LEAD_NS
+        ):
+            self._add(self._poses.popleft(), rotors_turn)
+        if self.wrong is not None and rotors_turn and self._waiting:
+            self._integrate(self._pieces(self._newest))
+
+    def _add(self, pose: Pose, rotors_turn: bool) -> None:
+        """Process one pose."""
+        time, begun = pose.time, self._since
+        aligned = rotors_turn or not self._rests
+        pieces = self._pieces(time if aligned else self._newest)
+        if not pieces and (rotors_turn or time - begun < MAX_GAP_NS):
             return
-        pose, time = measurement, measurement.time
-        elapsed = time - self._since
-        if not self._waiting and elapsed < MAX_GAP_NS:
-            return
-        self._since = time
-        self.due = time + COMPARISON_PERIOD_NS
-        seconds, late, angle, gained = self._gathered(time)
+        angle, gained, seconds = pieces[-1] if pieces else (ZERO, ZERO, 0.0)
         if not rotors_turn and self._is_still(time, gained, seconds):
             self._rest(pose, angle, gained, seconds)
             self.due = time + 1
@@ -244,42 +278,56 @@ class FrameCheck:
         if self._rests:
             self._rests = False
             self._begin()
+        elapsed, known = self._since - begun, fsum(piece[2] for piece in pieces) * NS
         if self.wrong is not None:
-            self._move(angle, gained, seconds)
-        elif (
-            not 0.5 * elapsed < seconds * NS < 2.0 * elapsed
-            or self._jolted
-            or abs(angle[2]) > MAX_SPIN * seconds
-        ):
-            self._begin()
-            self._attitude = multiply(pose.attitude, self._levelled)
-        elif self.is_judged:
-            self._move(angle, gained, seconds)
-            self._compare(time, pose.position, late)
+            self._integrate(pieces)
+        elif not 0.5 * elapsed < known < 2.0 * elapsed or self._jolted or not self.is_judged:
+            self._restart(pose)
+        elif abs(angle[2]) > MAX_SPIN * seconds:
+            self._restart(pose)
+            self.uncompared = 0.0
+        else:
+            self._integrate(pieces)
+            self._compare(time, pose.position, (self._since - time) / NS)
             self._steps += 1
             if self._steps % CORRECTION_COMPARISONS == 0:
-                self._follow(pose, CORRECTION_COMPARISONS * seconds)
+                self._follow(pose, CORRECTION_COMPARISONS * known / NS)
 
-    def _gathered(self, time: Time) -> tuple[float, float, Vec3, Vec3]:
-        """Return how long the waiting samples last, s, by how much the last one is newer than
-        `time`, s, the angle, rad, and the change of velocity, m/s, both in body axes; forget the
-        samples."""
-        samples = self._waiting
+    def _pieces(self, time: Time) -> Sequence[_Piece]:
+        """Return the motion by the waiting samples up to `time`, in pieces of `MAX_PIECE_S` at
+        most; forget these samples."""
+        waiting = self._waiting
+        if self._newest <= time:
+            samples = list(waiting)
+            waiting.clear()
+        else:
+            samples = []
+            while waiting and waiting[0].time <= time:
+                samples.append(waiting.popleft())
         if not samples:
-            return 0.0, 0.0, ZERO, ZERO
-        times, periods, forces, rates = zip(*samples, strict=True)
+            return ()
+        self._since = samples[-1].time
+        self._jolted = self._seldom = False
+        size = max(1, int(MAX_PIECE_S / max(samples[0].dt, 1e-3)))
+        return [self._piece(samples[i : i + size]) for i in range(0, len(samples), size)]
+
+    def _piece(self, samples: Sequence[Imu]) -> _Piece:
+        _, periods, forces, rates = zip(*samples, strict=True)
         seconds = fsum(periods)
         share = seconds / len(samples)
+        longest = max(periods)
+        if longest > MAX_UNEVEN * share:  # ticks were late; each sample counts by its length
+            forces = tuple(scale(f, dt / share) for f, dt in zip(forces, periods, strict=True))
+            rates = tuple(scale(w, dt / share) for w, dt in zip(rates, periods, strict=True))
         fx, fy, fz = map(fsum, zip(*forces, strict=True))
         wx, wy, wz = map(fsum, zip(*rates, strict=True))
-        change = forces[-1][2] - forces[0][2]
-        self._jolted = change * change > BLOW_FORCE * BLOW_FORCE
+        change = samples[-1].specific_force[2] - samples[0].specific_force[2]
+        self._jolted |= change * change > BLOW_FORCE * BLOW_FORCE
         self._shaking += NOISE_SHARE * (0.5 * share * change * change - self._shaking)
         self._coarse = share > MAX_FINE_SAMPLE_S
-        self._seldom = share > MAX_SAMPLE_S
-        samples.clear()
+        self._seldom |= share > MAX_SAMPLE_S or longest > MAX_PIECE_S
         angle, gained = (share * wx, share * wy, share * wz), (share * fx, share * fy, share * fz)
-        return seconds, (times[-1] - time) / NS, angle, gained
+        return angle, gained, seconds
 
     def _is_still(self, time: Time, gained: Vec3, seconds: float) -> bool:
         """Return whether a vehicle whose rotors should rest has been still for long enough: an
@@ -311,7 +359,8 @@ class FrameCheck:
                 n = sqrt(x * x + y * y + z * z + (1.0 + cosine) ** 2)
                 self._levelled = LEVEL if n < 1e-6 else ((1.0 + cosine) / n, x / n, y / n, z / n)
         self._velocity = self._moved = self._offset = self._acceleration = ZERO
-        self.wrong, self._rests = None, True
+        self.wrong, self._rests, self._expects = None, True, self.is_judged
+        self.uncompared = 0.0
         seen = self._seen
         self._seen = (*seen[-1:], pose.position)
         if len(seen) > 1:
@@ -321,14 +370,22 @@ class FrameCheck:
         self._attitude = multiply(pose.attitude, self._levelled)
 
     def _begin(self) -> None:
-        """Restart: poses jumped, samples are missing, a blow was not resolved, or it spins."""
+        """Compare from the next pose on: poses jumped, or the integral was interrupted."""
         self._moments.clear()
         self._agrees, self._upward, self._across = False, 0, 0
 
-    def _move(self, angle: Vec3, gained: Vec3, seconds: float) -> None:
+    def _restart(self, pose: Pose) -> None:
+        """Begin again: samples are missing, a blow was not resolved, or it spins."""
+        self._begin()
+        self._attitude = multiply(pose.attitude, self._levelled)
+
+    def _integrate(self, pieces: Iterable[_Piece]) -> None:
         """Integrate the IMU."""
-        if seconds <= 0.0:
-            return
+        for angle, gained, seconds in pieces:
+            if seconds > 0.0:
+                self._move(angle, gained, seconds)
+
+    def _move(self, angle: Vec3, gained: Vec3, seconds: float) -> None:
         gx, gy, gz = gained
         ax, ay, az = angle
         bx, by, bz = self._turned
@@ -389,6 +446,7 @@ class FrameCheck:
                 (soon * (sx - tx), soon * (sy - ty), soon * (sz - tz))
             ):
                 self._begin()
+                self.uncompared = 0.0
         moments.append(_Moment(now, apart, (x, y, z)))
         if len(moments) <= 2 * SPAN_COMPARISONS:
             return
@@ -396,6 +454,7 @@ class FrameCheck:
         early, soon = middle.time - first.time, now - middle.time
         if early + soon > MAX_SPAN_S:
             return
+        self.uncompared = 0.0
         ex, ey, ez = off = _bend(first.apart, middle.apart, apart, early, soon)
         across = ex * ex + ey * ey
         self._agrees = across < _AGREEING_SQUARE and ez * ez < _AGREEING_SQUARE
@@ -456,7 +515,7 @@ def _bend(a: Vec3, b: Vec3, c: Vec3, early: float, soon: float) -> Vec3:
 
 
 _NAMES = "xyz"
-_SIMILAR_FIT, _GOOD_SHARE, _BEST_SHARE = 1.25, 0.05, 0.4
+_SIMILAR_FIT, _GOOD_SHARE, _BEST_SHARE = 1.4, 0.05, 0.4
 """How much worse than the best explanation another one may fit, and the shares of the
 accelerations' squares that a good explanation may leave, and the best one."""
 

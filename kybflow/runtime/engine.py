@@ -114,6 +114,7 @@ class Engine:
         active = {name: link.faults for name, link in links.items() if link.faults is not None}
         self.injection = Injection(plan.faults, active, self._condition, events, seed)
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable, plan.objects)
+        self._has_objects = bool(plan.objects)
         self.contacts = ObjectContacts(self._sessions if plan.objects else (), events)
         self.excursions = Excursions(self.vehicles, plan.fence, events)
         self.clearances = Clearances(self.vehicles, true, plan.kept_clear)
@@ -204,18 +205,19 @@ class Engine:
             self.callbacks.step()
         if self.callbacks.watching:
             self.callbacks.watch()
-        self.contacts.step(now, dt)
         self.judge.sample()
-        self._advance()
+        self._advance(now)
 
-    def _advance(self) -> None:
-        if self.clock.now >= self._next_look:
-            self._next_look = self.clock.now + _OBSERVED_EVERY
+    def _advance(self, now: Time) -> None:
+        if self._has_objects:
+            self.contacts.step(now, self.clock.period / NS)
+        if now >= self._next_look:
+            self._next_look = now + _OBSERVED_EVERY
             self.excursions.step()
             self.clearances.step()
             self.drops.step()
             if self._ticks.update() and self._ticks.share < MIN_TICK_SHARE:
-                self._report_late(self.clock.now)
+                self._report_late(now)
             for observe in self._observers:
                 self._observed(observe)
         now = self.clock.step()
@@ -258,7 +260,7 @@ class Engine:
             lines += obstacle_lines(self.plan, self.moving.objections(self.clock.now))
             if timeout.ends(lines, self.seconds()):
                 return lines
-            self._advance()
+            self._advance(self.clock.now)
         return []
 
     def watch(self, is_over: Callable[[], bool]) -> None:
@@ -270,7 +272,7 @@ class Engine:
                 self.injection.step(self.clock.now)
             for vehicle in self.vehicles:
                 vehicle.sense(self.clock.now)
-            self._advance()
+            self._advance(self.clock.now)
 
     def stop(self, reason: str, at: str = "") -> None:
         """Land every vehicle and end the run. The run counts as completed, unless it is still in

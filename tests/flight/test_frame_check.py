@@ -24,9 +24,9 @@ from kybflow.core.geometry import (
     scale,
 )
 from kybflow.core.signals import NS, Imu, Pose, WrongFrame
-from kybflow.flight.frame_check import FrameCheck, explained
+from kybflow.flight.frame_check import MAX_UNCOMPARED_S, FrameCheck, explained
 
-RATE, REST = 125, 0.2
+RATE, REST = 125, 0.4
 """IMU samples and poses a second; seconds at rest before the motion."""
 
 
@@ -63,10 +63,17 @@ def told(
     noise: float = 0.0005,
     latency: int = 1,
     lost=lambda k: False,
+    late=lambda k: (0, 0),
+    drift: float = 0.0,
+    bounds: list[float] | None = None,
 ) -> tuple[WrongFrame | None, float]:
     """(the finding, when). change: what the stream does to a pose. mount: the attitude of the IMU
-    in the body. lost: which IMU samples are."""
+    in the body. lost: which IMU samples are. late: by how many ticks the IMU sample and the pose of
+    a tick arrive late, if no later one may overtake them; a pose never arrives if it is None.
+    drift: by which share the clock of the poses runs faster. bounds: is given `uncompared`."""
     check, rng, dt = FrameCheck(), random.Random(1), 1.0 / RATE
+    samples: list[tuple[int, Imu]] = []
+    poses: list[tuple[int, Pose]] = []
     substeps = 2
     for k in range(round((seconds + REST) * RATE)):
         t = k * dt - REST
@@ -84,10 +91,18 @@ def told(
         measured = [] if lost(k) else [Imu(time, dt, felt, rotate_back(mount, turns))]
         then = t - latency * dt
         place = add(motion.position(then), tuple(rng.gauss(0.0, noise) for _ in range(3)))
-        pose = Pose(time - round(latency * dt * NS), *change(place, motion.attitude(then)))
-        for imu in measured:
-            check.add_imu(imu)
-        check.add_poses([pose], t > 0.0)
+        stamp = round((1.0 + drift) * (time - round(latency * dt * NS)))
+        pose = Pose(stamp, *change(place, motion.attitude(then)))
+        slow, slower = late(k)
+        samples += [(k + slow, imu) for imu in measured]
+        poses += [] if slower is None else [(k + slower, pose)]
+        while samples and samples[0][0] <= k:
+            check.add_imu(samples.pop(0)[1])
+        arrived = next((i for i, (tick, _) in enumerate(poses) if tick > k), len(poses))
+        check.add_poses([pose for _, pose in poses[:arrived]], t > 0.0)
+        del poses[:arrived]
+        if bounds is not None:
+            bounds.append(check.uncompared)
         if check.wrong is not None:
             return check.wrong, t
     return None, seconds
@@ -158,6 +173,103 @@ def test_a_wrong_frame_is_told_in_half_a_second_with_what_explains_it(name, seed
     assert words in found.reason
     assert "check the stream's" in found.reason
     assert found.value > found.bound
+
+
+def jitter(rng):
+    """Poses are up to 0.15 s late, samples up to 0.05 s."""
+    return lambda k: (rng.randrange(7), rng.randrange(20))
+
+
+def bursts(rng):
+    """Nothing arrives for 0.1 to 0.25 s, then all of it."""
+    until = [0]
+
+    def late(k):
+        if k >= until[0]:
+            until[0] = k + rng.randrange(12, 32)
+        return 0, until[0] - k
+
+    return late
+
+
+def late_samples(rng):
+    """The link to the vehicle is late by 0.1 s, and motion capture isn't."""
+    return lambda k: (10 + rng.randrange(5), 0)
+
+
+def gaps(rng):
+    """Half of the poses never arrive, and all others are late."""
+    return lambda k: (0, None if rng.random() < 0.5 else 5 + rng.randrange(10))
+
+
+STREAMS = {
+    "jitter": (jitter, 0.0),
+    "bursts": (bursts, 0.0),
+    "late samples": (late_samples, 0.0),
+    "gaps": (gaps, 0.0),
+    "fast clock": (jitter, 2e-3),
+    "slow clock": (jitter, -2e-3),
+}
+
+
+@pytest.mark.parametrize("name", STREAMS)
+@pytest.mark.parametrize("seed", range(4))
+def test_late_streams_in_the_right_frame_raise_no_alarm_and_are_compared(name, seed):
+    kind, drift = STREAMS[name]
+    draw, bounds = random.Random(f"{name} {seed}"), []
+    swings = tuple((draw.uniform(0.1, 0.6), draw.uniform(1.0, 3.0)) for _ in range(3))
+    found, when = told(
+        Motion(swings, draw.uniform(-pi, pi)), frame(turned=radians(30.0), factor=0.9),
+        late=kind(draw), drift=drift, bounds=bounds,
+    )  # fmt: skip
+    assert found is None, (when, found)
+    assert max(bounds) < 0.9 * MAX_UNCOMPARED_S
+
+
+@pytest.mark.parametrize("wrong", ["metres read as mm", "y mirrored", "body turned by 180"])
+@pytest.mark.parametrize("name", STREAMS)
+@pytest.mark.parametrize("seed", range(2))
+def test_a_wrong_frame_is_told_however_late_its_poses_are(name, wrong, seed):
+    kind, drift = STREAMS[name]
+    draw = random.Random(f"{name} {wrong} {seed}")
+    swings = ((0.3, 3.0), (-0.5, 2.8), (0.5, 2.6))
+    motion = Motion(swings, draw.uniform(-0.5, 0.5))
+    found, when = told(motion, WRONG[wrong][0], late=kind(draw), drift=drift)
+    assert found is not None
+    assert when < 0.9, "half a second after the motion shows it, and the delay"
+
+
+@pytest.mark.parametrize("seed", [3, 6, 11])
+@pytest.mark.parametrize(("factor", "tells"), [(0.9, False), (1e-3, True)])
+def test_samples_that_late_ticks_make_long_are_no_motion(factor, tells, seed):
+    """A computer under load: one sample in thirty lasts 0.03 to 0.12 s."""
+    draw, check = random.Random(seed), FrameCheck()
+    motion, t = Motion(((0.3, 2.0), (0.4, 2.5), (0.5, 2.0))), -1.0
+    while t < 4.0:
+        dt = draw.uniform(0.03, 0.12) if draw.random() < 1 / 30 else 0.008
+        t += dt
+        steps = [t - dt * (i + 0.5) / 20 for i in range(20)]
+        forces = [
+            rotate_back(motion.attitude(s), add(motion.acceleration(s), (0.0, 0.0, GRAVITY)))
+            for s in steps
+        ]
+        force = scale(tuple(map(sum, zip(*forces, strict=True))), 0.05)
+        _, x, y, z = multiply(conjugate(motion.attitude(t - dt)), motion.attitude(t))
+        time = round((t + 2.0) * NS)
+        check.add_imu(Imu(time, dt, force, scale((x, y, z), 2.0 / dt)))
+        place = scale(motion.position(t), factor)
+        check.add_poses([Pose(time, place, motion.attitude(t))], t > 0.0)
+        if check.wrong is not None:
+            break
+    assert (check.wrong is not None) is tells, check.wrong
+
+
+@pytest.mark.parametrize("lost_of_ten", [0, 6])
+def test_poses_that_cannot_be_compared_are_counted_until_they_can(lost_of_ten):
+    bounds = []
+    motion = Motion(((0.3, 2.0), (0.2, 1.5), (0.4, 1.0)))
+    told(motion, lost=lambda k: k > 2 * RATE * REST and k % 10 < lost_of_ten, bounds=bounds)
+    assert (max(bounds) > MAX_UNCOMPARED_S) is (lost_of_ten > 0)
 
 
 @pytest.mark.parametrize("size", [0.01, 0.02, 0.04, 0.1, 0.4])

@@ -67,7 +67,7 @@ class AutopilotLink(Link):
         self._stream = SetpointStream(params.rate)
         self.offboard = OffboardControl(
             profile, autopilot.status, autopilot.requests, self._stream, params.arming_time,
-            resumes, self._holding,
+            resumes, self._holding, self._knows_position,
         )  # fmt: skip
         self._checks = PreflightChecks(autopilot, self.offboard.modes, params)
         self._mode_trouble = "it was not requested yet"
@@ -293,13 +293,18 @@ class AutopilotLink(Link):
         setpoint = Setpoint(SetpointKind.POSITION, here, ZERO, heading=heading)
         return Command(LEVEL, 0.0, ZERO, heading, True, CommandKind.POSITION, setpoint)
 
+    def _is_sent_positions(self, now: Time) -> bool:
+        sent = self._vision.newest
+        return sent is not None and now - sent[1] <= REJECTION_TIME_NS
+
+    def _knows_position(self, now: Time) -> bool:
+        """Return whether the autopilot measures its position itself or is being sent it."""
+        return not self.autopilot.is_outside or self._is_sent_positions(now)
+
     def _rejection(self, now: Time) -> str | None:
         """Return why the autopilot doesn't use the positions that it is sent, None if it does."""
-        status, sent = self.autopilot.status, self._vision.newest
-        since = status.rejecting
-        if since is None or now - since < REJECTION_TIME_NS:
-            return None
-        if sent is None or now - sent[1] > REJECTION_TIME_NS:
+        status = self.autopilot.status
+        if status.rejected_for < REJECTION_TIME_NS or not self._is_sent_positions(now):
             return None
         return f"its filter rejects the poses: {status.innovations} of the largest that it accepts"
 

@@ -129,7 +129,7 @@ class Clearances:
 
 class ObjectContacts:
     """Publishes when vehicles begin and end to touch objects (`contact_began`, `contact_ended`).
-    The engine calls `step` in every tick. forces: the force of each
+    The engine calls `step` in every tick of a mission with objects. forces: the force of each
     contact now, averaged over `CONTACT_S`, N.
 
     MuJoCo's forces alternate from step to step, so that a contact ends once its average has almost
@@ -148,8 +148,6 @@ class ObjectContacts:
         return {name: state for one in self._scenes for name, state in one.states().items()}
 
     def step(self, now: Time, dt: float) -> None:
-        if not self._scenes:
-            return
         found = {c: force for one in self._scenes for c, force in one.contacts().items()}
         share = min(1.0, dt / CONTACT_S)
         for contact in {*found, *self.forces}:

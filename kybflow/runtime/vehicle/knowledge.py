@@ -351,6 +351,7 @@ class TickBuilder:
                 frame.motion(now) if wrong is not None and frame.is_current(now) else None,
                 link.rejection,
                 self._link_out.sent,
+                frame.uncompared,
             ),
         )  # fmt: skip
 
@@ -362,11 +363,13 @@ class TickBuilder:
 
     def entry(self, flight: Flight) -> Entry:
         """Return the conditions in which a behavior would be entered now. The hover thrust (N) is
-        the tracker's estimate in the air, and the airframe's weight on the ground."""
+        the tracker's estimate in the air, and the airframe's weight on the ground and in a wrong
+        frame, in which the tracker has learnt by wrong positions."""
         knowledge, control, context = self._knowledge, self._control, self._context
-        thrust = context.airframe.hover_thrust if flight is GROUND else control.hover_thrust()
-        lift = knowledge.resting.specific_force
         frame, late = knowledge.frame, knowledge.late
+        trusts = flight is not GROUND and frame.wrong is None
+        thrust = control.hover_thrust() if trusts else context.airframe.hover_thrust
+        lift = knowledge.resting.specific_force
         return Entry(
             knowledge.now, context, knowledge.estimate, None if late else control.followed, thrust,
             flight, lift, self._inputs, knowledge.estimation.lost,

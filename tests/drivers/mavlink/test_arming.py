@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import pytest
 from framing import ARM, FAILED, REJECTED, SET_MODE, TAKEOFF
-from scripted_autopilot import AIR, GROUND, RESTING, STREAM, UP, Bench, at, flying, standing
+from scripted_autopilot import (
+    AIR,
+    GROUND,
+    RESTING,
+    STREAM,
+    UP,
+    Bench,
+    at,
+    estimate,
+    flying,
+    standing,
+)
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import LEVEL, ZERO
@@ -115,6 +126,20 @@ def test_what_does_not_know_that_it_is_on_the_ground_lands_before_it_is_disarmed
     bench.fake.landed = GROUND
     bench.run(0.3, RESTING)
     assert bench.link.armed is False
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_only_what_is_sent_no_positions_any_more_idles_after_a_landing_by_thrust(told):
+    bench = flying("px4")
+    for _ in range(50):
+        bench.link.tell_position(estimate(bench.now), bench.now)
+        bench.run(0.02, Command(LEVEL, 1.0, ZERO, None))
+    bench.run(0.0 if told else 0.6, Command(LEVEL, 1.0, ZERO, None))
+    bench.run(0.1, RESTING)
+    bench.fake.sent.clear()
+    bench.run(0.5, RESTING)
+    assert bool(bench.fake.took("SET_ATTITUDE_TARGET")) is not told
+    assert bench.fake.mode == bench.fake.profile.modes["land" if told else "offboard"]
 
 
 def test_what_was_landed_by_thrust_idles_until_it_detects_the_landing():

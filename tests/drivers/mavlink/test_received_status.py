@@ -70,8 +70,18 @@ def test_innovations_are_read_from_either_firmware(position: float) -> None:
         heard.handle(report, 7)
         heard.handle(report, 9)
         assert heard.innovations == found
-        assert heard.rejecting == (7 if position > 1.0 else None)
+        assert heard.rejected_for == (2 if position > 1.0 else 0)
         assert heard.ekf == 831
+
+
+def test_one_rejected_measurement_counts_no_time_until_the_next_report() -> None:
+    heard = ReceivedStatus()
+    found = []
+    for second, position in enumerate((1.2, 0.4, 1.2, 1.2)):
+        report = mavlink.MAVLink_ekf_status_report_message(831, 0.1, position, 0.2, 0.0, 0.0)
+        heard.handle(report, second * NS)
+        found.append(heard.rejected_for)
+    assert found == [0, 0, 0, NS]
 
 
 def test_readiness_and_ill_sensors() -> None:

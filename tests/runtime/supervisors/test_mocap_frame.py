@@ -42,6 +42,18 @@ def test_poses_that_an_autopilot_rejects_are_told_and_part_of_the_reason():
     assert alarm.reason == f"{WRONG.reason}; its filter rejects the poses"
 
 
+def test_a_frame_that_cannot_be_checked_after_the_take_off_lands_blind():
+    supervisor = MocapFrameSupervisor(MocapFrameSupervisorParams(), SITE)
+    seen = tick(0.0, estimate((0.0, 0.0, 1.0)))._replace(uncompared=1.1)
+    alarm = supervisor.check(seen, off_ground=True)
+    assert alarm is not None
+    assert (alarm.event, alarm.reaction) == ("mocap_frame_unchecked", Reaction.LAND_BLIND)
+    assert supervisor.check(seen, off_ground=False) is None
+    alarm = supervisor.check(seen._replace(wrong_frame=WRONG), off_ground=True)
+    assert alarm is not None
+    assert alarm.event == "mocap_frame_wrong"
+
+
 @pytest.mark.parametrize(
     ("rule", "height", "word"),
     [
@@ -51,10 +63,13 @@ def test_poses_that_an_autopilot_rejects_are_told_and_part_of_the_reason():
     ],
 )
 def test_a_flight_in_a_wrong_frame_ends_low_near_and_gently(run, rule, height, word):
-    most = [0.0, 0.0]
+    most, begins = [0.0, 0.0], []
 
     def look(engine):
         [vehicle] = engine.vehicles
+        if vehicle.knowledge.frame.wrong is not None:
+            thrust, weight = vehicle.runner.entry().hover_thrust, vehicle.context.airframe
+            begins.append(thrust / weight.hover_thrust)
         if vehicle.truth is not None:
             x, y, z = vehicle.truth.position
             most[:] = max(most[0], z), max(most[1], abs(x), abs(y))
@@ -65,6 +80,7 @@ def test_a_flight_in_a_wrong_frame_ends_low_near_and_gently(run, rule, height, w
     assert word in alarm.fields["reason"]
     assert most[0] <= height
     assert most[1] <= 1.0
+    assert set(begins) == {1.0}, "not by what the tracker learnt by wrong positions"
     assert named(told, "landed_hard", "collided") == []
     assert flown.summary["outcome"] == "failed"
     assert alarm.fields["reason"] in flown.summary["reason"]

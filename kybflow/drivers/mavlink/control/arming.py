@@ -35,8 +35,8 @@ known."""
 DISARM_BY_LANDING_NS: Time = NS
 """How long disarming on the ground may take before the vehicle is put into its own land mode."""
 IDLE_TIME_NS: Time = 2 * NS
-"""How long a vehicle that was landed by thrust is commanded to idle. PX4 and ArduPilot detect a
-landing within a second."""
+"""How long a vehicle whose filter may be wrong is commanded to idle after its landing. PX4 and
+ArduPilot detect a landing within a second."""
 LANDED_STATE_TIMEOUT_NS: Time = 5 * NS
 """The time after which disarming is requested even if the autopilot doesn't report that it has
 landed."""
@@ -121,14 +121,15 @@ class Disarming:
     ground, or doesn't disarm there within a second, is put into its own land mode, which detects
     the landing. `is_retrying`: whether it is too early to report a refusal.
 
-    by_thrust: whether kybflow landed the vehicle by thrust, without its filter. That filter may be
-    wrong, and the land mode would tilt the vehicle on the ground to correct it. So the vehicle is
-    first commanded to idle for up to `IDLE_TIME_NS`, in which it detects the landing."""
+    is_misled: whether kybflow landed the vehicle by thrust and had stopped sending it positions, as
+    in a wrong frame. Its filter may then be wrong, and the land mode would tilt the vehicle on the
+    ground to correct it. So the vehicle is first commanded to idle for up to `IDLE_TIME_NS`, in
+    which it detects the landing."""
 
     def __init__(
-        self, status: ReceivedStatus, requests: CommandRequests, modes: Modes, by_thrust: bool
+        self, status: ReceivedStatus, requests: CommandRequests, modes: Modes, is_misled: bool
     ) -> None:
-        self._status, self._modes, self._by_thrust = status, modes, by_thrust
+        self._status, self._modes, self._is_misled = status, modes, is_misled
         self._disarm = Retries(requests, ARM_DISARM, (0.0,))
         self._begun: Time | None = None
         self.is_retrying = status.armed
@@ -145,7 +146,7 @@ class Disarming:
     def idles(self, now: Time) -> bool:
         """Return whether the vehicle must be commanded to idle."""
         since = now if self._begun is None else self._begun
-        return self._by_thrust and self._status.armed and now - since <= IDLE_TIME_NS
+        return self._is_misled and self._status.armed and now - since <= IDLE_TIME_NS
 
     def step(self, now: Time) -> None:
         self.is_retrying = self._status.armed and (

@@ -65,13 +65,14 @@ class OffboardControl:
     the link is good.
     hold: returns the command that holds the vehicle still at its position, None while that is
     unknown.
+    knows_position: returns whether the autopilot has a source of positions.
     override: why the vehicle doesn't follow, None while it does.
     """
 
     def __init__(
         self, profile: FirmwareProfile, status: ReceivedStatus, requests: CommandRequests,
         stream: SetpointStream, arming_time: float, resumes: bool,
-        hold: Callable[[], Command | None],
+        hold: Callable[[], Command | None], knows_position: Callable[[Time], bool],
     ) -> None:  # fmt: skip
         self.override: Override | None = None
         self.goal = OffboardGoal.NONE
@@ -80,8 +81,9 @@ class OffboardControl:
         self.detector = OverrideDetector(status, self.modes)
         self._profile, self._status, self._requests = profile, status, requests
         self._arming_time, self._resumes = arming_time, resumes
+        self._knows_position = knows_position
         self._arming: Arming | None = None
-        self._disarming = Disarming(status, requests, self.modes, by_thrust=False)
+        self._disarming = Disarming(status, requests, self.modes, is_misled=False)
         self._motor_stop = MotorStop(status, requests)
         first = self._stream if profile.streams_first else None
         self._preflight_mode = PreflightMode(self.modes, first, hold, self._step_mode)
@@ -148,10 +150,11 @@ class OffboardControl:
 
     def disarm(self, now: Time) -> None:
         by_thrust = self.goal is OffboardGoal.FOLLOW and self._stream.kind in THRUSTS
+        is_misled = by_thrust and not self._knows_position(now)
         self._begin(OffboardGoal.DISARM, now)
         self._stream.stop()
         self.modes.want(None)
-        self._disarming = Disarming(self._status, self._requests, self.modes, by_thrust)
+        self._disarming = Disarming(self._status, self._requests, self.modes, is_misled)
 
     def cut(self, now: Time) -> None:
         """Stop the rotors, even if a pilot or another program controls the vehicle."""

@@ -114,7 +114,8 @@ class ReceivedStatus:
     ready: whether it can be armed in its current mode.
     ekf: the flags of its estimator (EKF_STATUS_REPORT or ESTIMATOR_STATUS).
     innovations: how well the measurements fit that estimator, from the same message.
-    rejecting: since when the estimator has rejected a measurement, None if it accepts them.
+    rejected_for: the time from the first to the newest report in a row by which the estimator
+    rejects a measurement, ns; zero if it accepts them.
     servos: the pulses of its main outputs in microseconds, channel 1 first.
     throttle: the throttle that its attitude controller commands, 0 to 1.
     at: when each type of message last arrived.
@@ -132,7 +133,8 @@ class ReceivedStatus:
         self.landed = LandedState.UNKNOWN
         self.ekf: int | None = None
         self.innovations: InnovationRatios | None = None
-        self.rejecting: Time | None = None
+        self.rejected_for: Time = 0
+        self._rejecting: Time | None = None
         self.servos: tuple[int, ...] = ()
         self.throttle: float | None = None
         self.at: dict[str, Time] = {}
@@ -223,9 +225,10 @@ class ReceivedStatus:
         found = InnovationRatios(*(ratio if isfinite(ratio) else 0.0 for ratio in ratios))
         self.innovations = found
         if max(found) <= 1.0:
-            self.rejecting = None
-        elif self.rejecting is None:
-            self.rejecting = now
+            self._rejecting = None
+        elif self._rejecting is None:
+            self._rejecting = now
+        self.rejected_for = 0 if self._rejecting is None else now - self._rejecting
 
     def _servo_output_raw(self, message: Message, now: Time) -> None:
         if message.port == 0:
