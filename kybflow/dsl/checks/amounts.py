@@ -123,7 +123,7 @@ def corner_twice(case: Case) -> Iterator[Diagnostic]:
     """KYB564: a path has the same corner twice in a row, so the second does nothing (a warning)."""
     for _, state in case.states():
         part = state.behavior
-        for name in _paths(part.params.__class__):
+        for name in _paths(part.params.__class__) if not state.built_in else ():
             corners = getattr(part.params, name) or ()
             index = next((i for i, (a, b) in enumerate(pairwise(corners), 1) if a == b), None)
             if index is None or not part.is_written(name):

@@ -232,6 +232,8 @@ def longer_than_the_mission(case: Case) -> Iterator[Diagnostic]:
                 limit, what = within, f"`{text.as_written}`"
     for vehicle, state in case.states():
         part = state.behavior
+        if state.built_in:
+            continue
         for name in _times(part.params.__class__) & part.source.node.entries.keys():
             value = getattr(part.params, name)
             if value is None:

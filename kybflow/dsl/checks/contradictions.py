@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import combinations
+from itertools import chain, combinations
 from typing import Literal, NamedTuple
 
 from kybflow.dsl.checks.case import Case
@@ -18,8 +18,8 @@ _When = Literal["every", "some", "last"]
 class _Claim(NamedTuple):
     """What an expectation claims of a condition: that it holds in every tick, in at least one, or
     in the last one. about: the values that it compares, and the vehicles whose state it tests.
-    state: the state in which it is claimed; None if it is of the whole run. side: `<` or `>` of a
-    statistic's bound, empty for any other condition; bounds on one side hold together."""
+    state: the state in which it is claimed; None if it is of the whole run. side: `<` or `>` for a
+    single bound; two on the same side don't contradict each other."""
 
     text: Text
     when: _When
@@ -41,14 +41,17 @@ def contradictory(case: Case) -> Iterator[Diagnostic]:
         return
     claims = [claim for text, found in case.expected() for claim in _claims(text, found)]
     told, certain = set[Span](), reaches_of(case)(None).certain
-    for one, other in combinations(claims, 2):
+    alike: dict[object, list[_Claim]] = {}
+    for claim in claims:
+        for subject in claim.about:
+            alike.setdefault(subject, []).append(claim)
+    for one, other in chain.from_iterable(combinations(own, 2) for own in alike.values()):
         is_one_tick = "every" in (one.when, other.when) or one.when == other.when == "last"
-        if not is_one_tick or one.text is other.text or one.about.isdisjoint(other.about):
-            continue
-        if one.side and one.side == other.side:
+        if not is_one_tick or one.text is other.text:
             continue
         both = one.condition, other.condition
-        if one.state and other.state and one.state != other.state:
+        elsewhere = one.state and other.state and one.state != other.state
+        if elsewhere or (one.side and one.side == other.side):
             continue
         if other.text.span in told or not never_holds(tree.And(both), certain):
             continue
