@@ -78,3 +78,10 @@ def test_a_calibration_without_anything_is_refused(place: Path) -> None:
     found = answer(Hostile("", files, ("validate", "mission.yaml")), place, LONG)
     assert found.wrong == ""
     assert "KYB371" in found.text
+
+
+def test_thousands_of_findings_are_answered_in_time(place: Path) -> None:
+    mission = FILES["mission.yaml"].encode() * 2000
+    found = answer(Hostile("", {"m.yaml": mission}, ("validate", "m.yaml")), place, LONG)
+    assert found.wrong == ""
+    assert "KYB007" in found.text

@@ -199,7 +199,7 @@ NOT_FILES: tuple[Made, ...] = (
     os.mkfifo, _pipe_that_never_ends, _socket, Path.mkdir, _forbidden,
     *map(_leads_to, (
         "/dev/zero", "/dev/urandom", "/dev/null", "/dev/full", "/dev/tty", "/proc/self/mem",
-        "/proc/self/maps", "/", ".", "loop", "nowhere", "mission.yaml", "own.yaml",
+        "/proc/self/maps", "library", ".", "loop", "nowhere", "mission.yaml", "own.yaml",
     )),
     *map(_huge, (0, 1, 3_999_999, 4_000_001, 300 << 20, 1 << 40)),
 )  # fmt: skip
