@@ -8,16 +8,7 @@ from pathlib import Path
 
 import pytest
 from studies.hostile_answers import answer
-from studies.hostile_inputs import (
-    LASTING,
-    STICK,
-    TAGS,
-    USES_FILES,
-    WAY,
-    Hostile,
-    drawn,
-    lay_out,
-)
+from studies.hostile_inputs import FILES, LASTING, Hostile, drawn, lay_out
 
 FEW = 25
 LONG = 5.0
@@ -83,13 +74,14 @@ def test_an_odd_command_line_is_refused(arguments: tuple[str, ...], place: Path)
 
 
 def test_a_calibration_without_anything_is_refused(place: Path) -> None:
-    files = {
-        "mission.yaml": USES_FILES.encode(),
-        "cam.yaml": b"# nothing\n",
-        "tags.csv": TAGS.encode(),
-        "way.csv": WAY.encode(),
-        "stick.csv": STICK.encode(),
-    }
+    files = {name: text.encode() for name, text in FILES.items()} | {"cam.yaml": b"# nothing\n"}
     found = answer(Hostile("", files, ("validate", "mission.yaml")), place, LONG)
     assert found.wrong == ""
     assert "KYB371" in found.text
+
+
+def test_thousands_of_findings_are_answered_in_time(place: Path) -> None:
+    mission = FILES["mission.yaml"].encode() * 2000
+    found = answer(Hostile("", {"m.yaml": mission}, ("validate", "m.yaml")), place, LONG)
+    assert found.wrong == ""
+    assert "KYB007" in found.text

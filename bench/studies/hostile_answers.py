@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from kybflow.cli.app import app
 from kybflow.cli.output import Unwritable
 from kybflow.core.errors import DRIVER_FAILED, FAILED, INTERRUPTED, INVALID, KybflowError
-from studies.hostile_inputs import LASTING, Hostile, write
+from studies.hostile_inputs import LASTING, Hostile, laid
 
 CODES = frozenset({0, FAILED, INVALID, DRIVER_FAILED, INTERRUPTED})
 BUSY = 6
@@ -65,7 +65,11 @@ def answer(one: Hostile, folder: Path, long: float, lasts: float = LASTS) -> Ans
     long: the processor's seconds that no answer may take, and on a busy machine a sixth of those by
     the clock; of a flight or a server, after its interrupt, which comes after `lasts` seconds.
     """
-    write(one, folder)
+    with laid(one, folder):
+        return _answered(one, long, lasts)
+
+
+def _answered(one: Hostile, long: float, lasts: float) -> Answer:
     began = process_time()
     first = lasts if one.arguments[0] in LASTING else None
     try:

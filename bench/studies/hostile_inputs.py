@@ -1,5 +1,5 @@
-"""Inputs that mean harm, drawn from a number alone: what is in the files of a mission, or on a
-command line. `bench/hostile.py` judges many of them, `tests/test_hostile.py` a few.
+"""Inputs that mean harm, drawn from a number alone: what is in the files of a mission or in their
+place, or on a command line. `bench/hostile.py` judges many of them, `tests/test_hostile.py` a few.
 
 An input is a folder of files and the arguments of `kybflow`. Judged is what a person would see: no
 traceback, an exit code that the help names, an answer in time.
@@ -7,13 +7,18 @@ traceback, an exit code that the help names, an answer in time.
 
 from __future__ import annotations
 
+import contextlib
 import copy
+import json
+import os
 import random
 import re
 import shutil
-from collections.abc import Callable, Iterator
+import socket
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import yaml
 from command_lines import commands
@@ -25,34 +30,64 @@ LIBRARIES = sorted((FOLDER / "library").glob("*.yaml"))
 TABLES = sorted(FOLDER.glob("*/*.csv"))
 TREES = {path: yaml.safe_load(path.read_text(encoding="utf-8")) for path in (*MISSIONS, *LIBRARIES)}
 
-CALIBRATION = """image_width: 640
-image_height: 480
-camera_matrix: {rows: 3, cols: 3, data: [500, 0, 320, 0, 500, 240, 0, 0, 1]}
-distortion_model: plumb_bob
-distortion_coefficients: {rows: 1, cols: 5, data: [0.1, 0, 0, 0, 0]}
-"""
 USES_FILES = """kybflow: 1
 mission: files
-import: {std: kybflow/airframes}
+import: {own: own.yaml}
 world:
   fence: {from: [-3, -3, 0], to: [3, 3, 2.5]}
   tags: {floor: {file: tags.csv}}
-inputs: {stick: {use: script, file: stick.csv}}
+  obstacles:
+    heap: {point_cloud: {file: scan.xyz, radius: 5 cm}}
+    walls: {occupancy: {file: map.yaml, height: 1 m}}
+inputs:
+  stick: {use: script, file: stick.csv}
+  pad: {use: gamepad, controllers: pads.csv}
+  hand: {use: haptic, device: simulated, hand: stick.csv}
 vehicles:
   a:
-    like: std.nano_plus
-    airframe: {like: std.nano_plus, cameras: {down: {calibration: cam.yaml, at: [0, 0, 0]}}}
+    like: own.tagged
     behaviors:
       up:   {do: take_off, height: 1 m, then: way}
       way:  {do: follow_trajectory, file: way.csv, then: down, failed: down}
       down: {do: land}
+targets:
+  replay: {a: {driver: sim, sensors: {tag_camera: {use: camera, video: standing.avi}}}}
 """
-WAY = "t, x, y, z\n0, 0, 0, 1\n8, 1, 0, 1\n"
-STICK = "t, x, y, z, turn, buttons\n0, 0, 0, 0, 0,\n9.0, 0, 0, 0, 0, a\n"
-TAGS = """family, id, size [m], x, y, z, heading [deg]
+FILES = {
+    "mission.yaml": USES_FILES,
+    "own.yaml": """library: own
+import: {std: kybflow/airframes}
+vehicles:
+  tagged:
+    like: std.nano_plus
+    airframe: {like: std.nano_plus, cameras: {down: {calibration: cam.yaml, at: [0, 0, 0]}}}
+    estimators: [mocap, tag_camera]
+""",
+    "tags.csv": """family, id, size [m], x, y, z, heading [deg]
 36h11, 0, 0.2, 0, 0, 0, 0
 36h11, 1, 0.2, 1, 0, 0, 0
-"""
+""",
+    "way.csv": "t, x, y, z\n0, 0, 0, 1\n8, 1, 0, 1\n",
+    "stick.csv": "t, x, y, z, turn, buttons\n0, 0, 0, 0, 0,\n9.0, 0, 0, 0, 0, a\n",
+    "pads.csv": "controller, axis, source, low, centre, high\npad, x, left_x, -1, 0, 1\n",
+    "scan.xyz": "1.5 1.5 0.2\n1.6 1.5 0.2\n",
+    "map.yaml": """image: map.pgm
+resolution: 0.5
+origin: [-2, -2, 0]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.2
+""",
+    "map.pgm": "P2\n2 2\n255\n255 0\n255 255\n",
+    "cam.yaml": """image_width: 640
+image_height: 480
+camera_matrix: {rows: 3, cols: 3, data: [500, 0, 320, 0, 500, 240, 0, 0, 1]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [0.1, 0, 0, 0, 0]}
+""",
+    "standing.avi": "no video",
+}
+"""A mission that refers to files of each kind, and these files."""
 
 WORDS = (
     "", " ", "~", "null", "true", "yes", "0", "-1", "1e999", "-1e308", "9" * 400, "0x1F", "1_000",
@@ -75,12 +110,16 @@ KEYS = (
 NOISE = "[]{}:,-&*!|>'\"%@`#?$ \n\tabz019.\u00e9\x85\u2028\x00\u2212\uff1a"
 
 
+Made = Callable[[Path], object]
+"""Makes what stands at a path; the object that it returns, if any, is closed afterwards."""
+
+
 class Hostile(NamedTuple):
-    """One input. kind: how it was drawn. files: the contents of each. arguments: what `kybflow` is
-    given, in a folder with these files."""
+    """One input. kind: how it was drawn. files: the contents of each, or what makes it. arguments:
+    what `kybflow` is given, in a folder with these files."""
 
     kind: str
-    files: dict[str, bytes]
+    files: Mapping[str, bytes | Made]
     arguments: tuple[str, ...]
 
 
@@ -99,11 +138,111 @@ def lay_out(folder: Path) -> None:
     (folder / "loop").symlink_to("loop")
 
 
-def write(one: Hostile, folder: Path) -> None:
-    for name, data in one.files.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)
+@contextmanager
+def laid(one: Hostile, folder: Path) -> Iterator[None]:
+    """Put the files of an input into a folder. At the end, what was there before is there again."""
+    with ExitStack() as undo:
+        for name, data in one.files.items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if path.exists():
+                undo.callback(path.write_bytes, path.read_bytes())
+                path.unlink()
+            undo.callback(_remove, path)
+            if isinstance(data, bytes):
+                path.write_bytes(data)
+            elif (made := data(path)) is not None:
+                undo.callback(made.close)
+        yield
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        path.rmdir()
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _leads_to(target: str) -> Made:
+    return lambda path: path.symlink_to(target)
+
+
+def _pipe_that_never_ends(path: Path) -> IO[bytes]:
+    """A pipe with a writer, which has bytes and no end."""
+    os.mkfifo(path)
+    stream = open(path, "r+b", buffering=0)  # noqa: SIM115 - closed with the input
+    stream.write(b"0 0 0\n" * 5000)
+    return stream
+
+
+def _socket(path: Path) -> socket.socket:
+    listener = socket.socket(socket.AF_UNIX)
+    with contextlib.chdir(path.parent):  # the whole path may be too long for a socket
+        listener.bind(path.name)
+    return listener
+
+
+def _huge(size: int) -> Made:
+    def made(path: Path) -> None:
+        path.touch()
+        os.truncate(path, size)
+
+    return made
+
+
+def _forbidden(path: Path) -> None:
+    path.touch()
+    path.chmod(0)
+
+
+NOT_FILES: tuple[Made, ...] = (
+    os.mkfifo, _pipe_that_never_ends, _socket, Path.mkdir, _forbidden,
+    *map(_leads_to, (
+        "/dev/zero", "/dev/urandom", "/dev/null", "/dev/full", "/dev/tty", "/proc/self/mem",
+        "/proc/self/maps", "library", ".", "loop", "nowhere", "mission.yaml", "own.yaml",
+    )),
+    *map(_huge, (0, 1, 3_999_999, 4_000_001, 300 << 20, 1 << 40)),
+)  # fmt: skip
+"""What may stand in the place of a file: what doesn't end, can't be read or is too large."""
+ENCODINGS = ("utf-16", "utf-16-le", "utf-32", "utf-7", "utf-8-sig", "cp037")
+NAMES = (
+    "a\0b", "\0", "", " ", ".", "..", "/", "~", "~/x", "x/", "way.csv/x", "a" * 300, "a/" * 3000,
+    "\u202eway.csv", "w\u00e4y.csv", "wa\u0308y.csv", "\n", "\x1b[2J", "%00", "$HOME/x", "\ud800",
+    "\udcff.csv", "file:///etc/passwd", "http://127.0.0.1/x", "C:\\x.csv", "CON", "-", "--help",
+    "/dev/stdin", "/dev/fd/0", "/dev/zero", "/dev/urandom", "/proc/self/fd/1", "/proc/self/mem",
+    "/proc/self/cmdline", "/proc/1/mem", "/etc/shadow", "loop", "loop/x", "library", "mission.yaml",
+)  # fmt: skip
+
+
+def _other_file(chance: random.Random) -> Hostile:
+    """Something else in the place of a file that a mission refers to, or another name of it."""
+    files: dict[str, bytes | Made] = {name: text.encode() for name, text in FILES.items()}
+    name, what = chance.choice([*FILES]), chance.random()
+    data = FILES[name].encode()
+    if what < 0.5:
+        files[name] = chance.choice(NOT_FILES)
+    elif what < 0.65:
+        broken = [data[: chance.randrange(len(data))], data + chance.randbytes(9), data * 2000]
+        files[name] = chance.choice([*broken, chance.randbytes(chance.randint(1, 3000))])
+    elif what < 0.75:
+        files[name] = FILES[name].encode(chance.choice(ENCODINGS))
+    elif what < 0.95:
+        where = "own.yaml" if name == "cam.yaml" else "map.yaml" if name == "map.pgm" else None
+        text = FILES[where or "mission.yaml"]
+        quoted = json.dumps(chance.choice(NAMES))
+        files[where or "mission.yaml"] = text.replace(name, quoted).encode()
+    else:
+        files = {os.fsdecode(b"\xff\xfe") + name: data for name, data in files.items()}
+    mission = next(path for path in files if path.endswith("mission.yaml"))
+    return Hostile("file", files, (*chance.choice(_ON_FILES), mission))
+
+
+_ON_FILES = (
+    *[("validate",)] * 12, ("show", "--resolved"), ("graph",), ("validate", "--format", "json"),
+    ("show", "--target", "replay"), ("library",), ("run",),
+    ("calibrate", "--frames", "standing.avi", "--poses", "way.csv", "--vehicle", "a"),
+    ("validate", "--target", "replay"),
+)  # fmt: skip
 
 
 _OTHERS = (
@@ -169,7 +308,7 @@ def _other_library(chance: random.Random) -> Hostile:
 
 
 def _other_table(chance: random.Random) -> Hostile:
-    files = {"tags.csv": TAGS, "way.csv": WAY, "cam.yaml": CALIBRATION, "stick.csv": STICK}
+    files = dict(FILES)
     name = chance.choice([*files])
     for _ in range(chance.randint(1, 3)):
         text = files[name]
@@ -182,7 +321,7 @@ def _other_table(chance: random.Random) -> Hostile:
             put = "".join(chance.choices(NOISE, k=3))
             files[name] = text[:at] + put + text[at + chance.randint(0, 9) :]
     more = {key: _encoded(text) for key, text in files.items()}
-    return _of_mission("table", _encoded(USES_FILES), chance, **more)
+    return _of_mission("table", more.pop("mission.yaml"), chance, **more)
 
 
 def dumped(tree: Any) -> bytes:
@@ -311,5 +450,6 @@ _KINDS: dict[str, tuple[int, Callable[[random.Random], Hostile]]] = {
     "library": (10, _other_library),
     "table": (10, _other_table),
     "command line": (15, _command_line),
+    "file": (15, _other_file),
 }
-"""How many of a hundred inputs are of each kind, and what draws it."""
+"""The weight of each kind among all inputs, and what draws it."""

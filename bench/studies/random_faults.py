@@ -94,7 +94,7 @@ def _drawn(seed: int, rng: random.Random, folder: Path) -> Drawn | None:
     plan = _written(path, text, target)
     if plan is None or rng.random() * _cost(plan) > _CHEAP:
         return None
-    faults = tuple(_Draw(rng, plan, scenario, hover).faults())
+    faults = tuple(faults_of(rng, plan, scenario, hover))
     _extend(text, "faults", [yaml.compose(line, yaml.SafeLoader) for line in faults])
     plan = _written(path, text, target)
     if plan is None:
@@ -190,6 +190,11 @@ def _thin_out(text: yaml.MappingNode, rng: random.Random) -> None:
         plain = like is not None and like.value in ("std.nano_plus", "std.mk_quadro")
         if plain and _value(vehicle, "estimators") is None:
             _set(vehicle, "estimators", estimators)
+
+
+def faults_of(rng: random.Random, plan: Plan, scenario: str, hover: float = 0.0) -> Iterator[str]:
+    """Draw the faults of one flight, as lines of `faults:`."""
+    return _Draw(rng, plan, scenario, hover).faults()
 
 
 class _Draw:

@@ -3,6 +3,7 @@ vehicles, and a motion-capture system that tracks bodies at rest."""
 
 from __future__ import annotations
 
+import os
 import random
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
@@ -142,6 +143,7 @@ def drones(
     """Start AR.Drones, the first at the loopback address `host`, the others at the addresses after
     it. video: whether they send camera images. started: called with the name and address of each.
     Raises DriverError."""
+    from kybflow.drivers.ardrone.configuring import NAME
     from kybflow.drivers.emulated_ardrone.ports import SocketPorts, host_of
     from kybflow.drivers.emulated_ardrone.session import open_fleet
     from kybflow.drivers.emulated_ardrone.video import DroneVideo
@@ -153,6 +155,8 @@ def drones(
         for seat, where, member in zip(seats, hosts, fleet.members, strict=True):
             endpoint, truth = member.onboard, member.vehicle.truth
             endpoint.connect(stack.enter_context(closing(SocketPorts(where))))
+            name = f"{seat.context.vehicle}, emulated by process {os.getpid()}"
+            endpoint.drone.configuration.values[NAME] = name
             if video:
                 configuration = endpoint.drone.configuration
                 endpoint.video = DroneVideo(seat.context, truth, configuration, seed)

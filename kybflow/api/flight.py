@@ -317,6 +317,7 @@ class _Run:
                 engine.flows.close(engine.clock.now)
             ended_well = self._reason is None and self._driver_failed is None
             self._verdicts = engine.judge.verdicts(engine.mission_seconds() if ended_well else None)
+            self._events.turn(engine.clock.now)
         self._events.emit(RunEnded(reason=self._reason or self._driver_failed))
 
     def _flown(

@@ -25,6 +25,7 @@ from kybflow.dsl.diagnostics import (
     Stopped,
     has_errors,
     in_order,
+    lines_of,
 )
 from kybflow.dsl.expanding import targets
 from kybflow.dsl.expanding.mission import judge_library, mission_of
@@ -140,6 +141,6 @@ def _located(diagnostic: Diagnostic, files: Files) -> Diagnostic:
 
 
 def _written(span: Span, files: Files) -> str:
-    lines = files.sources[span.file].text.split("\n") if span.file in files.sources else []
+    lines = lines_of(files.sources[span.file].text) if span.file in files.sources else []
     name = lines[span.line - 1][span.column - 1 : span.end_column - 1] if lines else ""
     return f"`{name}`" if name else "a parameter"

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from kybflow.parts.observables import chains_of
@@ -256,8 +257,14 @@ def render(diagnostic: Diagnostic, texts: dict[str, str]) -> str:
     return "\n".join(clipped(printable(line)) for line in lines)
 
 
+@lru_cache(maxsize=8)
+def lines_of(text: str) -> list[str]:
+    """Return the lines of a file, which each of its findings looks up."""
+    return text.split("\n")
+
+
 def _source(span: Span, label: str, texts: dict[str, str]) -> Iterator[str]:
-    lines = texts.get(span.file, "").split("\n")
+    lines = lines_of(texts.get(span.file, ""))
     if span.line > len(lines) or not lines[span.line - 1].strip():
         return
     line = lines[span.line - 1].rstrip("\r").replace("\t", " ")

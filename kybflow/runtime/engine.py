@@ -9,6 +9,7 @@ now ─► 0. the run: events, inputs, commands, options, faults, moving obstacl
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 
 from kybflow.core.errors import described, traceback_of
@@ -126,6 +127,7 @@ class Engine:
         self._begun: Time = 0
         self._landing: str | None = None
         self._stopped: str | None = None
+        self._limit: Time = sys.maxsize
 
     def seconds(self) -> float:
         """Return the seconds since the run began."""
@@ -150,18 +152,13 @@ class Engine:
         for vehicle in self.vehicles:
             vehicle.begin(self._condition(vehicle.name))
         self.flying, self._begun = True, self.clock.now
-        limit = self.plan.time_limit
         height = 0.0 if self.plan.fence is None else self.plan.fence.high[2]
-        over = self._begun + round(limit * NS)
-        landed_by = over + round(max(LANDING_TIMEOUT, height / SLOWEST_DESCENT) * NS)
+        self._limit = self._begun + round(self.plan.time_limit * NS)
+        landed_by = self._limit + round(max(LANDING_TIMEOUT, height / SLOWEST_DESCENT) * NS)
         while not self._over():
             now = self.clock.now
             if self.interrupts > 1:
                 return f"twice, then by {self.interrupted_by}: commands were stopped"
-            if self.interrupts:
-                self._land(f"by {self.interrupted_by}", TWICE)
-            elif now >= over:
-                self._land(f"not finished within the time limit of {limit:g} s")
             if now >= landed_by:
                 break
             self.tick()
@@ -194,6 +191,7 @@ class Engine:
         if self.plan.moving:
             self.moving.step(now)
         fleet = {vehicle.name: vehicle.sense(now) for vehicle in self.vehicles}
+        self._land_if_over(now)
         for vehicle in self.vehicles:
             vehicle.act(now, dt, fleet)
         if self._publishing:
@@ -297,6 +295,13 @@ class Engine:
         return lambda expression: reader_of(
             expression, self._believed, own, self.seconds, self.inputs.readings
         )
+
+    def _land_if_over(self, now: Time) -> None:
+        """Land every vehicle after an interrupt and at the time limit."""
+        if self.interrupts:
+            self._land(f"by {self.interrupted_by}", TWICE)
+        elif now >= self._limit:
+            self._land(f"not finished within the time limit of {self.plan.time_limit:g} s")
 
     def _land(self, reason: str, hint: str = "") -> None:
         """Land every vehicle, regardless of the mission. Calls after the first have no effect.

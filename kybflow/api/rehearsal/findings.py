@@ -18,7 +18,7 @@ from kybflow.core.geometry import Vec3, least_distance, sub
 from kybflow.core.params import named_in
 from kybflow.core.signals import Event
 from kybflow.core.units import DURATION, LENGTH, format_quantity
-from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span, lines_of
 from kybflow.dsl.plan import PhasePlan
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def span_at(at: str, texts: Texts) -> Span:
     blanks."""
     file, _, number = at.rpartition(":")
     line = int(number) if number.isdigit() else 1
-    lines = texts.get(file, "").split("\n")
+    lines = lines_of(texts.get(file, ""))
     text = lines[line - 1].rstrip() if line <= len(lines) else ""
     start = len(text) - len(text.lstrip())
     return Span(file or at, line, start + 1, line, max(len(text), start + 1) + 1)

@@ -8,9 +8,19 @@ from typing import Annotated, NamedTuple
 
 from typer import Argument, BadParameter, Exit, Option
 
-from kybflow.cli.arguments import Out, Seed, Sets, Target, compiled, refusing, repeated, wrong
+from kybflow.cli.arguments import (
+    Out,
+    Seed,
+    Sets,
+    Target,
+    compiled,
+    failing,
+    refusing,
+    repeated,
+    wrong,
+)
 from kybflow.cli.output import echo
-from kybflow.core.errors import UnitError
+from kybflow.core.errors import DRIVER_FAILED, DriverError, UnitError
 from kybflow.core.geometry import Vec3
 from kybflow.core.units import finite_number
 
@@ -73,7 +83,8 @@ def command(
     from kybflow.sensors.vrpn.server import Server, published, to
 
     plan = None if mission is None else compiled(mission, target, sets)[0]
-    server = Server(host, port)
+    with failing(DRIVER_FAILED, DriverError):
+        server = Server(host, port)
     try:
         echo(f"VRPN server on {host}:{server.port} (HOST:PORT or tcp://HOST:PORT); Ctrl-C ends it")
         if plan is None:

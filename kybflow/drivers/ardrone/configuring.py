@@ -42,8 +42,11 @@ OPTIONS = sum(
     )
 )  # fmt: skip
 FIRST = "general:navdata_demo"
-VERSION = "general:num_version_soft"
+VERSION, NAME = "general:num_version_soft", "general:ardrone_name"
 WATCHDOG = "general:com_watchdog"
+IGNORED_NS: Time = 4 * NS
+"""Time without an acknowledgement after which the drone is believed to ignore this client, twice
+as long as a client that has gone keeps the drone."""
 LONGEST_WATCHDOG = 2.0
 """Longest accepted time without a command after which the drone lands, seconds; also the
 default."""
@@ -91,13 +94,14 @@ class Configuring:
         self.found: Mapping[str, str] | None = None
         self._at = 0
         self._sent: Time | None = None
+        self._acknowledged: Time | None = None
         self._clears = True
         self._asked: Time | None = None
 
     def restart(self) -> None:
         """Write all values again, because the drone has restarted."""
         self._at, self._sent, self._clears, self._asked = 0, None, True, None
-        self.found = None
+        self.found = self._acknowledged = None
 
     @property
     def pending(self) -> str:
@@ -116,6 +120,12 @@ class Configuring:
             if key in found and not agrees(value, found[key])
         ]
 
+    def is_ignored(self, now: Time) -> bool:
+        """Return whether values are written and the drone acknowledges none."""
+        since = self._acknowledged
+        writes = self._at < len(self._values)
+        return writes and since is not None and now - since > IGNORED_NS
+
     def update(self, acknowledges: bool, now: Time) -> None:
         """Continue writing and reading. Called once a tick until nothing is `pending`.
         acknowledges: whether the acknowledge bit is set."""
@@ -132,10 +142,13 @@ class Configuring:
             self.found = read_configuration(data)
 
     def _write(self, acknowledges: bool, now: Time) -> None:
+        if self._acknowledged is None:
+            self._acknowledged = now
         if self._clears and not acknowledges:
             self._clears, self._sent = False, None
         elif not self._clears and acknowledges and self._sent is not None:
             self._at, self._clears, self._sent = self._at + 1, True, None
+            self._acknowledged = now
         if self._at == len(self._values):
             return
         if self._sent is None or now - self._sent >= RESEND_PERIOD:

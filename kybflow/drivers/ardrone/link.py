@@ -16,6 +16,7 @@ from kybflow.drivers.ardrone.acts import ACTS, lasts, lines_of
 from kybflow.drivers.ardrone.at import Ids, comwdg, ftrim, identity
 from kybflow.drivers.ardrone.configuring import (
     LONGEST_WATCHDOG,
+    NAME,
     VERSION,
     WATCHDOG,
     Configuring,
@@ -60,8 +61,9 @@ def checks(
     wrong = "" if waits else "; ".join(configuring.mismatches)
     yield Check("configuration", not (waits or wrong), waits or wrong or "as written")
     found = configuring.found or {}
-    version = found.get(VERSION, "unknown")
-    yield Check("firmware", version.startswith(FIRMWARE), version)
+    version, name = found.get(VERSION, "unknown"), found.get(NAME)
+    named = f"{version} of `{name}`" if name else version
+    yield Check("firmware", version.startswith(FIRMWARE), named)
     yield _watchdog(found.get(WATCHDOG))
     fits = limits.tilt >= airframe.tilt - 1e-6
     reason = f"{degrees(limits.tilt):.0f} deg, of which a command is a fraction"
@@ -132,7 +134,7 @@ class ArdroneLink(Link):
         self._opened: Time | None = None
         self._asked: Time | None = None
         self._answered: Time | None = None
-        self._is_flown = self._is_configured = False
+        self._is_flown = self._flew = self._is_configured = False
         self._trims = params.flat_trim
         self.armed = None
 
@@ -147,6 +149,7 @@ class ArdroneLink(Link):
         self.is_heard = bool(arrived)
         self._reconnect(now)
         if not self._is_flown:
+            self._flew = self._flew or self.status.flies
             self.flight.wait(now)
         self._configure(now)
         self.flight.watch(now)
@@ -157,7 +160,7 @@ class ArdroneLink(Link):
         opened = now if self._opened is None else self._opened
         if self.status.last_received is None and now - opened > FIRST_PACKET_TIMEOUT:
             why = self.wire.trouble or "no navigation data has arrived"
-            way_out = "join its network, or set the driver's `host`"
+            way_out = "join its network, end its other clients, or set the driver's `host`"
             raise DriverError(f"no data from the drone for 10 s: {why}; {way_out}")
         return self._measurements.take()
 
@@ -190,7 +193,21 @@ class ArdroneLink(Link):
         found = checks(
             self.status, self.configuring, self._limits, self._airframe, self.wire.trouble, now
         )
-        return [*found, round_trip(self._round_trips, self._latency, now)]
+        others = () if self._is_flown else self._other_client(now)
+        return [*found, *others, round_trip(self._round_trips, self._latency, now)]
+
+    def _other_client(self, now: Time) -> Iterator[Check]:
+        """Yield a check if another client seems to control the drone. A drone that was in the air
+        stays red: this client may have taken the navigation data away from the other."""
+        way_out = "end that client, or set the driver's `host` to the address of your own drone"
+        if self._flew:
+            words = (
+                f"it flew before this run gave a command, so another client controls it: {way_out}"
+            )
+            yield Check("other client", False, words, waits=False)
+        elif self.status.last_received is not None and self.configuring.is_ignored(now):
+            words = "it sends data but obeys no command; if another client controls it, "
+            yield Check("other client", False, words + way_out)
 
     def status_texts(self) -> Sequence[StatusText]:
         ignored = self.wire.gate.report()

@@ -13,6 +13,7 @@ import socket
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Hashable, Sequence
+from errno import EADDRINUSE
 from ipaddress import IPv4Address
 from typing import Any
 
@@ -189,10 +190,9 @@ class SocketPorts(Ports):
             self._data = self._open(socket.SOCK_DGRAM, NAVDATA)
             self._control = self._open(socket.SOCK_STREAM, CONTROL)
             self._video = self._open(socket.SOCK_STREAM, VIDEO)
-        except OSError as error:
+        except DriverError:
             self.close()
-            words = os.strerror(error.errno or 0).lower()
-            raise DriverError(f"the ports of a drone at {host}: {words}") from None
+            raise
 
     def commands(self) -> Sequence[tuple[bytes, Hashable]]:
         return _received(self._at)
@@ -246,9 +246,17 @@ class SocketPorts(Ports):
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
         if kind is socket.SOCK_STREAM:
             opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        opened.bind((self.host, port))
-        if kind is socket.SOCK_STREAM:
-            opened.listen(MOST_CLIENTS)
+        try:
+            opened.bind((self.host, port))
+            if kind is socket.SOCK_STREAM:
+                opened.listen(MOST_CLIENTS)
+        except OSError as error:
+            name = "TCP" if kind is socket.SOCK_STREAM else "UDP"
+            why = os.strerror(error.errno or 0).lower()
+            words = f"no drone can be at {self.host}, {name} port {port}: {why}"
+            if error.errno == EADDRINUSE:
+                words += "; is another emulated drone there? End it, or take another address"
+            raise DriverError(words) from None
         return opened
 
     def _accept(self) -> None:

@@ -395,7 +395,7 @@ class BehaviorRunner:
         to start, it has failed, and the machine leaves the state again."""
         state, entry = self.plan.states[name], self.entry()
         self.entered, self.entries = entry.now, self.entries + 1
-        self._score.entered(name, state.behavior.name, entry.now / NS)
+        self._score.entered(name, state.behavior.name, self._events.now / NS)
         values = ", ".join(f"{field} {value}" for field, value in self._values)
         began = BehaviorStarted(behavior=name, part=state.behavior.name, values=values)
         self._events.emit(began, self._name, state.at)

@@ -17,6 +17,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from errno import EADDRINUSE
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -245,7 +246,10 @@ def _listen(host: str, port: int) -> tuple[socket.socket, socket.socket]:
             if opened is not None:
                 opened.close()
         reason = getattr(error, "strerror", None) or str(error)
-        raise DriverError(f"no VRPN server can be at {host}:{port}: {reason}") from None
+        words = f"no VRPN server can be at {host}:{port}: {reason}"
+        if getattr(error, "errno", None) == EADDRINUSE:
+            words += "; is another VRPN server there? End it, or take another `--port`"
+        raise DriverError(words) from None
     return listener, requests
 
 
