@@ -70,7 +70,7 @@ def position_target(message: Any, at: Vec3, heading: float, by_axis: bool) -> Po
 
 def looking_ahead(target: PositionTarget, before: object, at: Vec3) -> PositionTarget:
     """Return the target with a heading towards its position, if it is only a position, far enough
-    from `at`. before: the target until now, whose heading is kept while its position is the same."""
+    from `at`. before: the target until now; its heading is kept while its position is the same."""
     x, y, _ = target.position
     if x is None or y is None or target[1:] != (FREE, FREE, None, None):
         return target
