@@ -140,6 +140,8 @@ class MessageHandlers:
 
     def _command(self, m: Any) -> Any:
         result = self._commands.carry_out(m)
+        if result is None:
+            return None
         return mavlink.MAVLink_command_ack_message(m.command, result, 255, 0, *_sender(m))
 
     def _set_mode(self, m: Any) -> None:
@@ -271,7 +273,7 @@ class CommandHandlers:
 
     def __init__(self, autopilot: OnboardAutopilot, channel: Channel) -> None:
         self._a, self._channel, modes = autopilot, channel, autopilot.firmware
-        self._actions: dict[int, Callable[[Params], int]] = {
+        self._actions: dict[int, Callable[[Params], int | None]] = {
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm,
             mavlink.MAV_CMD_DO_SET_MODE: self._do_set_mode,
             mavlink.MAV_CMD_NAV_TAKEOFF: self._take_off,
@@ -288,8 +290,9 @@ class CommandHandlers:
             ),
         }
 
-    def carry_out(self, message: Any) -> int:
-        """Carry out a COMMAND_LONG or COMMAND_INT; return the acknowledgement."""
+    def carry_out(self, message: Any) -> int | None:
+        """Carry out a COMMAND_LONG or COMMAND_INT; return the acknowledgement, None if the firmware
+        sends none."""
         m, number = message, message.command
         if m.get_type() == "COMMAND_INT":
             p: Params = (m.param1, m.param2, m.param3, m.param4, m.x, m.y, m.z)
@@ -324,13 +327,14 @@ class CommandHandlers:
             return a.firmware.unknown_mode
         return self.set_mode(a.firmware.mode_number(p))
 
-    def _arm(self, p: Params) -> int:
+    def _arm(self, p: Params) -> int | None:
         a = self._a
         state, forced = a.state, p[1] == FORCE
         if p[0] not in (0.0, 1.0):
-            if a.firmware.wrong_arming_text:
-                state.say(a.firmware.wrong_arming_text.format(p[0]), CRITICAL)
-            return UNSUPPORTED
+            if not a.firmware.wrong_arming_text:
+                return UNSUPPORTED
+            state.say(a.firmware.wrong_arming_text.format(p[0]), CRITICAL)
+            return None
         if p[0] == 0.0:
             if not state.armed:
                 return ACCEPTED

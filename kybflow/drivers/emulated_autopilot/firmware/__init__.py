@@ -66,7 +66,8 @@ class EmulatedFirmware:
     unknown mode.
     armed_text, disarmed_text, not_landed_text: its texts when it is armed, when it is disarmed, and
     when it is requested to disarm in the air.
-    wrong_arming_text: its text about a wrong value in a request to arm; empty if it says nothing.
+    wrong_arming_text: its text about a wrong value in a request to arm, in place of an
+    acknowledgement; empty if it acknowledges.
     text_end: a suffix of all its texts.
     mode_messages: the messages that it sends after a mode change.
     servo_function: the output function of a payload's servo.

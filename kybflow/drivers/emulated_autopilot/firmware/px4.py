@@ -285,7 +285,7 @@ EMULATED = EmulatedFirmware(
     mode_messages=("HEARTBEAT", "CURRENT_MODE"), servo_function=GRIPPER, pulses=(1000, 2000),
     vision_frames=frozenset({mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_FRD}),
     origin=Tangent.on_ellipsoid(47.397742, 8.545594, 488.0), forgets=1.0, gives_up=5.0, adopts=None,
-    averages=0.5, waits=2.5, takes_off=1.5, approach=0.62, ramp=5.0, looks_ahead=False,
+    averages=0.5, waits=2.5, takes_off=1.5, approach=0.62, ramp=8.0, looks_ahead=False,
     lands_to_return=False,
     holds_unsteered=frozenset(), obeys_on_ground=True, keeps_setpoints=True,
     returns_to_mode=True,
