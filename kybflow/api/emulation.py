@@ -100,7 +100,8 @@ def autopilots(
             addresses = []
             for address in wires.addresses or own:
                 wire = stack.enter_context(closing(open_wire(_shifted(address, number))))
-                member.onboard.connect(wire, wires.secret)
+                is_station = address in own[1:]
+                member.onboard.connect(wire, wires.secret, is_station=is_station)
                 addresses.append(wire.address)
             started(seat.context.vehicle, wires.system + number, addresses)
         yield fleet

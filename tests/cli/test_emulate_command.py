@@ -21,6 +21,7 @@ from kybflow.drivers.emulation.breaking import read_break
         (["--airframe", "zeppelin"], "no airframe `zeppelin`"),
         (["--address", "udp:1"], "could mean two things"),
         (["--address", "tcpin:1"] * 2, "can't listen"),
+        (["--factory", "--no-gps"], "leave out --no-gps"),
     ],
 )
 def test_a_wrong_command_line_is_told(arguments, words):

@@ -23,11 +23,13 @@ from kybflow.drivers.sim.world import SimulatedWorld
 
 PERIOD = NS // 125
 PLAIN = replace(QUIET, physics=250.0)
-PX4_OFFBOARD, PX4_TAKE_OFF, PX4_HOLD, PX4_LAND, PX4_RETURN = (
-    profile_of("px4").modes[name] for name in ("OFFBOARD", "TAKEOFF", "HOLD", "LAND", "RETURN")
+PX4_OFFBOARD, PX4_TAKE_OFF, PX4_HOLD, PX4_LAND, PX4_RETURN, PX4_POSITION = (
+    profile_of("px4").modes[name]
+    for name in ("OFFBOARD", "TAKEOFF", "HOLD", "LAND", "RETURN", "POSITION")
 )
-GUIDED, LAND, BRAKE, STABILIZE = (
-    profile_of("ardupilot").modes[name] for name in ("GUIDED", "LAND", "BRAKE", "STABILIZE")
+GUIDED, LAND, BRAKE, STABILIZE, LOITER = (
+    profile_of("ardupilot").modes[name]
+    for name in ("GUIDED", "LAND", "BRAKE", "STABILIZE", "LOITER")
 )
 STATION, ONBOARD = mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ONBOARD_CONTROLLER
 POSITION_YAW, POSITION, VELOCITY = 0x9F8, 0xDF8, 0xDC7

@@ -57,7 +57,10 @@ class OnboardAutopilot:
         generator: random.Random,
     ) -> None:
         is_bytewise = firmware.profile.integer_parameters_bytewise
-        parameters = EmulatedParameters(firmware.parameters, changes or {}, bytewise=is_bytewise)
+        parameters = EmulatedParameters(
+            firmware.parameters, changes or {}, bytewise=is_bytewise,
+            tells_errors=firmware.tells_parameter_errors,
+        )  # fmt: skip
         estimator = EmulatedEstimator(
             partial(firmware.sources, parameters),
             forgets=firmware.forgets, waits=firmware.waits, adopts=firmware.adopts,

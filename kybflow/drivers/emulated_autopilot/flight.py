@@ -12,7 +12,7 @@ from kybflow.core.signals import NS, Command, Time
 from kybflow.drivers.emulated_autopilot.firmware import EmulatedFirmware
 from kybflow.drivers.emulated_autopilot.setpoints import AttitudeTarget
 from kybflow.drivers.emulated_autopilot.state import EmulatedState, Role
-from kybflow.drivers.emulation.control import STEADY_SPEED, PositionControl, PositionTarget
+from kybflow.drivers.emulation.control import FREE, STEADY_SPEED, PositionControl, PositionTarget
 from kybflow.drivers.mavlink.telemetry.received_status import LandedState
 
 LANDED_AFTER_S, LANDED_THRUST, LANDED_RATE = 0.6, 0.65, 0.25
@@ -54,7 +54,10 @@ class EmulatedFlight:
         self._was_at: float | None = None
         self._has_touched = False
         self._is_home = False
+        self._return_height = 0.0
         self._began: Time = 0
+        self._idle_at: Time = 0
+        self._ramp = 1.0
 
     def enter(self, now: Time) -> None:
         """Enter the mode in force; at first the vehicle holds its position."""
@@ -68,6 +71,11 @@ class EmulatedFlight:
         self._contact_at, self._was_at = now + round(CONTACT_AFTER_S * NS), None
         self._has_touched = False
         state = self._state
+        if state.flying.role is Role.RETURN:
+            hx, hy, hz = state.home or self._held
+            away = hypot(hx - x, hy - y)
+            up = self._firmware.return_height(state.parameters, away, z - hz)
+            self._return_height = hz + up
         if state.flying.role is Role.FOLLOW:
             state.climb_to = None
         # the take-off mode begins a take-off, whether it was selected before or after arming
@@ -86,7 +94,10 @@ class EmulatedFlight:
         """Return the current command for the attitude loop. Called while armed."""
         state = self._state
         if state.is_down and not self._starts(now):
+            self._idle_at = now
             return self._control.ground(state.estimator.attitude.heading)
+        if self._firmware.ramp:
+            self._ramp = min(1.0, (now - self._idle_at) / NS / self._firmware.ramp)
         match state.flying.role:
             case Role.FOLLOW:
                 return self._follow(now, dt)
@@ -125,7 +136,10 @@ class EmulatedFlight:
             if state.climb_to is not None and role in (Role.TAKE_OFF, Role.FOLLOW):
                 state.landed = LandedState.TAKING_OFF
             else:
-                state.landed = LandedState.LANDING if role is Role.LAND else LandedState.AIR
+                lands = role is Role.LAND or (
+                    role is Role.RETURN and self._is_home and self._firmware.lands_to_return
+                )
+                state.landed = LandedState.LANDING if lands else LandedState.AIR
 
     def _detect_contact(self, now: Time, share: float) -> None:
         """Detect ground contact or its end. A vehicle that still climbed when the landing began may
@@ -197,6 +211,9 @@ class EmulatedFlight:
         state, (x, y, z) = self._state, self._held
         to = self._held[2] if state.climb_to is None else state.climb_to
         up = self._firmware.takes_off
+        if self._firmware.ramp:
+            left = max(0.0, to - state.estimator.position[2])
+            up = min(self._ramp * up, self._firmware.approach * left)
         z = min(to, max(z, state.estimator.position[2] - 0.3) + up * dt)
         self._held = (x, y, z)
         is_near = abs(state.estimator.position[2] - to) < HEIGHT_TOLERANCE
@@ -220,21 +237,22 @@ class EmulatedFlight:
         state, firmware = self._state, self._firmware
         hx, hy, _ = state.home or self._held
         x, y, z = state.estimator.position
-        away = hypot(hx - x, hy - y)
-        up = firmware.return_height(state.parameters)
+        away, up = hypot(hx - x, hy - y), self._return_height
         if self._is_home or away < 0.5:
             self._is_home = True
             down = firmware.land_speed(state.parameters)
             down *= 2.0 if z - state.ground > FAST_ABOVE else 1.0
             return PositionTarget((hx, hy, None), (0.0, 0.0, -down), heading=self._heading)
-        if z < state.ground + up - 0.5:
-            return PositionTarget((*self._held[:2], state.ground + up), heading=self._heading)
-        return PositionTarget((hx, hy, state.ground + up), heading=self._heading)
+        if z < up - 0.5:
+            return PositionTarget((*self._held[:2], up), heading=self._heading)
+        return PositionTarget((hx, hy, up), heading=self._heading)
 
     def _steered(self, now: Time) -> PositionTarget:
         """Return the target commanded by the pilot's sticks; without a pilot the throttle reads
-        zero."""
+        zero, unless the firmware knows that it has never had one."""
         state, sticks = self._state, self._state.sticks
+        if sticks is None and state.mode in self._firmware.holds_unsteered:
+            return PositionTarget(self._held, ZERO, heading=self._heading)
         if sticks is None or not state.has_pilot(now):
             return PositionTarget(
                 (*self._held[:2], None), (0.0, 0.0, -SINK_SPEED), heading=self._heading
@@ -254,6 +272,8 @@ class EmulatedFlight:
     def _reach(self, target: PositionTarget, dt: float) -> Command:
         position, velocity, heading = self._where()
         speeds = self._firmware.speeds(self._state.parameters)
+        if target.velocity == FREE:
+            speeds = speeds._replace(up=self._ramp * speeds.up)
         return self._control.follow(target, position, velocity, heading, speeds, dt)
 
     def _where(self) -> tuple[Vec3, Vec3, float]:

@@ -14,7 +14,9 @@ from kybflow.drivers.emulated_autopilot.estimator import VisionPose
 from kybflow.drivers.emulated_autopilot.state import (
     ACCEPTED,
     CRITICAL,
+    DENIED,
     FAILED,
+    INFO,
     OUTPUT_COMMANDS,
     UNSUPPORTED,
     PilotSticks,
@@ -40,7 +42,6 @@ RELATIVE = (
 )  # fmt: skip
 """Frames whose heights are measured from the home position."""
 CUSTOM = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-DENIED: int = mavlink.MAV_RESULT_DENIED
 NAK, UNKNOWN_COMMAND = 129, 7
 """Values of the file transfer protocol: NAK, and the reason for it."""
 PULSE_RELEASED, PULSE_IGNORED = 0, 65535
@@ -55,6 +56,21 @@ GROUPS = {
     "EXTRA3": (12, "EKF_STATUS_REPORT", "SYSTEM_TIME"),
 }
 """The groups of REQUEST_DATA_STREAM: their number and their messages."""
+
+
+KEPT_OUT = {
+    getattr(mavlink, f"MAV_CMD_{name}"): name
+    for name in (
+        "DO_REPOSITION", "DO_ORBIT", "DO_CHANGE_SPEED", "CONDITION_YAW", "GET_HOME_POSITION",
+        "MISSION_START",
+    )
+}  # fmt: skip
+"""Commands that the firmwares carry out, but not their emulations (docs/adr/0025)."""
+
+
+def not_emulated(name: str) -> str:
+    """Return the text with which an emulation refuses what the firmware can do."""
+    return f"not emulated: {name}"
 
 
 class MessageHandlers:
@@ -87,12 +103,13 @@ class MessageHandlers:
             "FILE_TRANSFER_PROTOCOL": self._files,
             "PING": lambda m: (
                 mavlink.MAVLink_ping_message(m.time_usec, m.seq, *_sender(m))
-                if m.target_system == 0
+                if m.target_system == 0 and a.firmware.answers_pings
                 else None
             ),
             "MISSION_REQUEST_LIST": self._missions,
             "MISSION_COUNT": self._missions,
             "MISSION_CLEAR_ALL": self._missions,
+            "LOG_REQUEST_LIST": lambda _: a.state.say(not_emulated("logs"), CRITICAL),
             "REQUEST_DATA_STREAM": self._data_stream,
             "AUTOPILOT_VERSION_REQUEST": lambda _: autopilot_version(a),
             "SET_GPS_GLOBAL_ORIGIN": self._origin,
@@ -105,7 +122,8 @@ class MessageHandlers:
         target = getattr(message, "target_system", 0)
         if target not in (0, self._a.system) or message.get_srcSystem() == self._a.system:
             return
-        if getattr(message, "target_component", 0) not in (0, AUTOPILOT):
+        component = getattr(message, "target_component", 0)
+        if component not in (0, AUTOPILOT) and not self._a.firmware.answers_for_all:
             return
         handle = self._handlers.get(message.get_type())
         answer = None if handle is None else handle(message)
@@ -122,6 +140,8 @@ class MessageHandlers:
 
     def _command(self, m: Any) -> Any:
         result = self._commands.carry_out(m)
+        if result is None:
+            return None
         return mavlink.MAVLink_command_ack_message(m.command, result, 255, 0, *_sender(m))
 
     def _set_mode(self, m: Any) -> None:
@@ -145,6 +165,8 @@ class MessageHandlers:
     def _position_target(self, m: Any) -> None:
         e, by_axis = self._a.state.estimator, self._a.firmware.by_axis
         target = setpoints.position_target(m, e.position, e.attitude.heading, by_axis=by_axis)
+        if self._a.firmware.looks_ahead and target is not None:
+            target = setpoints.looking_ahead(target, self._a.state.wanted, e.position)
         self._follow(target)
 
     def _global_target(self, m: Any) -> None:
@@ -191,6 +213,8 @@ class MessageHandlers:
             return mavlink.MAVLink_mission_count_message(*to, 0, kind)
         is_clearing = m.get_type() == "MISSION_CLEAR_ALL"
         result = mavlink.MAV_MISSION_ACCEPTED if is_clearing else mavlink.MAV_MISSION_UNSUPPORTED
+        if not is_clearing:
+            self._a.state.say(not_emulated("missions"), CRITICAL)
         return mavlink.MAVLink_mission_ack_message(*to, result, kind)
 
     def _data_stream(self, m: Any) -> None:
@@ -249,13 +273,13 @@ class CommandHandlers:
 
     def __init__(self, autopilot: OnboardAutopilot, channel: Channel) -> None:
         self._a, self._channel, modes = autopilot, channel, autopilot.firmware
-        self._actions: dict[int, Callable[[Params], int]] = {
+        self._actions: dict[int, Callable[[Params], int | None]] = {
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm,
             mavlink.MAV_CMD_DO_SET_MODE: self._do_set_mode,
             mavlink.MAV_CMD_NAV_TAKEOFF: self._take_off,
             mavlink.MAV_CMD_NAV_LAND: lambda _: self.set_mode(modes.land),
             mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: self.set_mode(modes.back),
-            mavlink.MAV_CMD_NAV_LOITER_UNLIM: lambda _: self.set_mode(modes.hold),
+            mavlink.MAV_CMD_NAV_LOITER_UNLIM: lambda _: self.set_mode(modes.loiter),
             mavlink.MAV_CMD_DO_PAUSE_CONTINUE: self._pause,
             mavlink.MAV_CMD_DO_SET_HOME: self._set_home,
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
@@ -266,8 +290,9 @@ class CommandHandlers:
             ),
         }
 
-    def carry_out(self, message: Any) -> int:
-        """Carry out a COMMAND_LONG or COMMAND_INT; return the acknowledgement."""
+    def carry_out(self, message: Any) -> int | None:
+        """Carry out a COMMAND_LONG or COMMAND_INT; return the acknowledgement, None if the firmware
+        sends none."""
         m, number = message, message.command
         if m.get_type() == "COMMAND_INT":
             p: Params = (m.param1, m.param2, m.param3, m.param4, m.x, m.y, m.z)
@@ -275,8 +300,12 @@ class CommandHandlers:
             p = (m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7)
         if number in OUTPUT_COMMANDS:
             return self._a.firmware.move_output(self._a.outputs, number, p, self._a.now)
+        if number in KEPT_OUT:
+            self._a.state.say(not_emulated(KEPT_OUT[number]), CRITICAL)
         action = self._actions.get(number)
-        return UNSUPPORTED if action is None else action(p)
+        if action is None or number in self._a.firmware.unsupported:
+            return UNSUPPORTED
+        return action(p)
 
     def set_mode(self, number: int) -> int:
         """Change to a mode, or send a text with the reason for refusing it; return the
@@ -298,9 +327,14 @@ class CommandHandlers:
             return a.firmware.unknown_mode
         return self.set_mode(a.firmware.mode_number(p))
 
-    def _arm(self, p: Params) -> int:
+    def _arm(self, p: Params) -> int | None:
         a = self._a
         state, forced = a.state, p[1] == FORCE
+        if p[0] not in (0.0, 1.0):
+            if not a.firmware.wrong_arming_text:
+                return UNSUPPORTED
+            state.say(a.firmware.wrong_arming_text.format(p[0]), CRITICAL)
+            return None
         if p[0] == 0.0:
             if not state.armed:
                 return ACCEPTED
@@ -340,15 +374,16 @@ class CommandHandlers:
         return ACCEPTED
 
     def _pause(self, p: Params) -> int:
-        """Hold the position, either in the current mode or by changing to the mode that holds
-        it."""
-        a = self._a
-        if p[0] != 0.0:
-            return ACCEPTED
-        if not a.firmware.pauses_in_mode:
-            return self.set_mode(a.firmware.hold)
-        a.state.wanted = None
-        a.flight.enter(a.now)
+        """Hold the position in a mode that follows setpoints."""
+        a, resumes = self._a, p[0] == 1.0
+        if p[0] not in (0.0, 1.0):
+            return DENIED
+        if a.state.flying.role is not Role.FOLLOW:
+            a.state.say(f"Failed to {'resume' if resumes else 'pause'}", INFO)
+            return FAILED
+        if not resumes:
+            a.state.wanted = None
+            a.flight.enter(a.now)
         return ACCEPTED
 
     def _set_home(self, p: Params) -> int:
@@ -359,9 +394,9 @@ class CommandHandlers:
         return ACCEPTED
 
     def _set_interval(self, p: Params) -> int:
-        name, channel = name_of(int(p[0])), self._channel
-        if name not in MAKERS or name in self._a.firmware.profile.polled:
-            return DENIED
+        name, channel, firmware = name_of(int(p[0])), self._channel, self._a.firmware
+        if name not in MAKERS or name in firmware.profile.polled | firmware.lacks:
+            return firmware.stream_refused
         default = channel.default(name)
         channel.stream(name, default if p[1] == 0.0 else 0.0 if p[1] < 0.0 else 1e6 / p[1])
         return ACCEPTED
@@ -372,9 +407,10 @@ class CommandHandlers:
         return ACCEPTED
 
     def _request(self, p: Params) -> int:
-        maker = MAKERS.get(name_of(int(p[0])))
-        if maker is None:
-            return DENIED
+        firmware, name = self._a.firmware, name_of(int(p[0]))
+        maker = MAKERS.get(name)
+        if maker is None or name in firmware.lacks:
+            return firmware.message_refused
         message = maker(self._a)
         if message is None:
             return FAILED

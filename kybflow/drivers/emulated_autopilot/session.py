@@ -42,10 +42,12 @@ class MavlinkEndpoint:
         self._text_id = 0
         autopilot.on_mode_change = self._send_mode
 
-    def connect(self, wire: Wire, key: bytes | None = None) -> Channel:
-        """Add a wire and return its channel. key: the secret key of signed messages."""
-        streams = {"HEARTBEAT": 1.0, **self.autopilot.firmware.streams}
-        system = self.autopilot.system
+    def connect(self, wire: Wire, key: bytes | None = None, *, is_station: bool = False) -> Channel:
+        """Add a wire and return its channel. key: the secret key of signed messages. is_station:
+        whether the firmware's simulator takes the other end for a ground station."""
+        firmware, system = self.autopilot.firmware, self.autopilot.system
+        own = firmware.station_streams if is_station else firmware.streams
+        streams = {"HEARTBEAT": 1.0, **own}
         channel = Channel(wire, system, key, streams, self.failures, self._generator)
         self._channels.append((channel, MessageHandlers(self.autopilot, channel)))
         return channel

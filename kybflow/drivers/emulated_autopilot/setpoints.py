@@ -3,7 +3,7 @@ local ENU frame of an emulated autopilot."""
 
 from __future__ import annotations
 
-from math import isfinite
+from math import atan2, hypot, isfinite
 from typing import Any, NamedTuple
 
 from kybflow.core.geometry import Quat, Vec3, add, from_heading, rotate
@@ -25,6 +25,10 @@ BODY, BODY_OFFSET = mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NE
 BODY_FRD = mavlink.MAV_FRAME_BODY_FRD
 NO_THRUST = 1 << 6
 """A bit of the type mask of SET_ATTITUDE_TARGET that the driver's codec doesn't use."""
+
+
+LEAST_LOOK = 0.5
+"""The least distance of a target towards which a vehicle turns, metres."""
 
 
 class AttitudeTarget(NamedTuple):
@@ -62,6 +66,20 @@ def position_target(message: Any, at: Vec3, heading: float, by_axis: bool) -> Po
     if position == velocity == acceleration == FREE:
         return None
     return PositionTarget(position, velocity, acceleration, to, rate)
+
+
+def looking_ahead(target: PositionTarget, before: object, at: Vec3) -> PositionTarget:
+    """Return the target with a heading towards its position, if it is only a position, far enough
+    from `at`. before: the target until now; its heading is kept while its position is the same."""
+    x, y, _ = target.position
+    if x is None or y is None or target[1:] != (FREE, FREE, None, None):
+        return target
+    if isinstance(before, PositionTarget) and before.position == target.position:
+        return target._replace(heading=before.heading)
+    ahead = (x - at[0], y - at[1])
+    if hypot(*ahead) < LEAST_LOOK:
+        return target
+    return target._replace(heading=atan2(ahead[1], ahead[0]))
 
 
 def attitude_target(message: Any) -> AttitudeTarget | None:

@@ -28,6 +28,8 @@ from kybflow.world.vehicle_context import Airframe
 
 REAL = mavlink.MAV_PARAM_TYPE_REAL32
 INTEGER = mavlink.MAV_PARAM_TYPE_INT32
+TYPE_MISMATCH = 7
+"""A MAV_PARAM_ERROR that pymavlink doesn't name yet."""
 
 
 class EmulatedParameters:
@@ -36,14 +38,20 @@ class EmulatedParameters:
     own: the firmware's defaults.
     changes: values that differ from them.
     bytewise: whether integers are sent bytewise.
+    tells_errors: whether a PARAM_ERROR answers requests that can't be carried out.
     dangling: names to which requests are never answered, for tests.
     """
 
     def __init__(
-        self, own: Mapping[str, float], changes: Mapping[str, float], *, bytewise: bool
+        self,
+        own: Mapping[str, float],
+        changes: Mapping[str, float],
+        *,
+        bytewise: bool,
+        tells_errors: bool,
     ) -> None:
         values = dict(sorted({**own, **changes}.items()))
-        self._bytewise = bytewise
+        self._bytewise, self._tells_errors = bytewise, tells_errors
         known = {**values, **own}
         self._integers = {name for name, value in known.items() if isinstance(value, int)}
         self._values: dict[str, float] = {name: float(value) for name, value in values.items()}
@@ -56,8 +64,7 @@ class EmulatedParameters:
         return self._values.get(name, default)
 
     def handle(self, message: Any) -> list[Any]:
-        """Return the replies to a PARAM_REQUEST_LIST, PARAM_REQUEST_READ or PARAM_SET; none for an
-        unknown name."""
+        """Return the replies to a PARAM_REQUEST_LIST, PARAM_REQUEST_READ or PARAM_SET."""
         kind = message.get_type()
         if kind == "PARAM_REQUEST_LIST":
             return [self._value_message(name) for name in self._values if name not in self.dangling]
@@ -66,14 +73,25 @@ class EmulatedParameters:
         if kind == "PARAM_REQUEST_READ" and message.param_index >= 0:
             names = list(self._values)
             name = names[message.param_index] if message.param_index < len(names) else ""
-        if name not in self._values or name in self.dangling:
+        if name in self.dangling:
             return []
+        if name not in self._values:
+            return self._error(message, name, mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST)
         if kind == "PARAM_SET":
-            value = message.param_value
+            value, own = message.param_value, INTEGER if name in self._integers else REAL
+            if self._tells_errors and message.param_type != own:
+                return self._error(message, name, TYPE_MISMATCH)
             if self._bytewise and message.param_type == INTEGER:
                 value = struct.unpack("<i", struct.pack("<f", value))[0]
             self._values[name] = float(value)
         return [self._value_message(name)]
+
+    def _error(self, message: Any, name: str, error: int) -> list[Any]:
+        if not self._tells_errors:
+            return []
+        to = message.get_srcSystem(), message.get_srcComponent()
+        index = getattr(message, "param_index", -1)
+        return [mavlink.MAVLink_param_error_message(*to, name.encode(), index, error)]
 
     def _value_message(self, name: str) -> Any:
         value, kind = self._values[name], INTEGER if name in self._integers else REAL
@@ -214,6 +232,7 @@ MIDDLE = 1500
 ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED
 UNSUPPORTED: int = mavlink.MAV_RESULT_UNSUPPORTED
 FAILED: int = mavlink.MAV_RESULT_FAILED
+DENIED: int = mavlink.MAV_RESULT_DENIED
 OUTPUT_COMMANDS = frozenset(
     {
         mavlink.MAV_CMD_DO_SET_SERVO, mavlink.MAV_CMD_DO_SET_RELAY,

@@ -72,12 +72,14 @@ class PositionTarget(NamedTuple):
 
 
 class Speeds(NamedTuple):
-    """The largest speeds at which a position error may be corrected, m/s: horizontally, up,
-    down."""
+    """The largest speeds at which a position error may be corrected, m/s: horizontally, up, down.
+    approach: the gain from the error to the velocity for targets that are only positions, 1/s; None
+    if it is that of all targets."""
 
     along: float
     up: float
     down: float
+    approach: float | None = None
 
 
 class PositionControl:
@@ -155,9 +157,10 @@ class PositionControl:
 
     def _velocity(self, target: PositionTarget, position: Vec3, speeds: Speeds) -> Axes:
         asked: list[float | None] = [None, None, None]
-        for axis, (to, at, gain) in enumerate(
-            zip(target.position, position, POSITION_GAINS, strict=True)
-        ):
+        gains = POSITION_GAINS
+        if speeds.approach is not None and target.velocity == FREE:
+            gains = (speeds.approach,) * 3
+        for axis, (to, at, gain) in enumerate(zip(target.position, position, gains, strict=True)):
             if to is not None:
                 asked[axis] = gain * (to - at)
         x, y, z = asked

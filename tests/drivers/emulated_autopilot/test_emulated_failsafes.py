@@ -15,6 +15,7 @@ from autopilot_bench import (  # noqa: E402
     PX4_HOLD,
     PX4_LAND,
     PX4_OFFBOARD,
+    PX4_POSITION,
     PX4_RETURN,
     STABILIZE,
     VELOCITY,
@@ -28,6 +29,7 @@ from framing import (  # noqa: E402
 from sim_worlds import FRAME  # noqa: E402
 
 from kybflow.core.signals import NS  # noqa: E402
+from kybflow.drivers.emulated_autopilot.state import PilotSticks  # noqa: E402
 from kybflow.drivers.mavlink.control.arming import FORCE  # noqa: E402
 from kybflow.drivers.mavlink.telemetry.received_status import READY  # noqa: E402
 
@@ -194,7 +196,7 @@ def test_a_jump_of_vision_is_not_believed_at_once_unless_it_is_told():
     [pytest.param("px4", 10.0, marks=pytest.mark.thorough), ("ardupilot", 10.0)],
 )
 def test_armed_and_left_alone_on_the_ground_it_disarms(name, seconds):
-    bench = Bench(name, outside=False, is_prepared=False)
+    bench = Bench(name, outside=False)
     bench.run(12.0)
     if not bench.px4:
         assert bench.mode(GUIDED) == ACCEPTED
@@ -321,7 +323,7 @@ def test_ardupilot_wants_vision_and_then_an_origin():
 
 
 def test_ardupilots_health_depends_on_its_mode():
-    bench = Bench("ardupilot", outside=False, is_prepared=False)
+    bench = Bench("ardupilot", outside=False)
     bench.run(3.0)
     assert bench.mode(STABILIZE) == ACCEPTED
     assert bench.request("SYS_STATUS").onboard_control_sensors_health & READY
@@ -354,3 +356,23 @@ def test_a_mode_that_it_has_not_is_refused_and_any_can_be_barred_with_given_word
     bench.pilot.failures.bar = "Mode change failed: because"
     assert bench.mode(PX4_LAND if bench.px4 else GUIDED) in (REJECTED, FAILED)
     assert "because" in bench.texts()
+
+
+def test_px4_holds_for_five_seconds_when_its_transmitter_is_lost_and_then_lands():
+    bench = Bench("px4").take_off(1.0)
+    bench.pilot.state.sticks = PilotSticks(bench.now, 0.0, 0.0, 0.0, 0.5)
+    assert bench.mode(PX4_POSITION) == ACCEPTED
+    assert bench.run(3.0, lambda: bench.pilot.state.mode == PX4_HOLD)
+    assert "entering Hold for 5 seconds" in bench.texts()
+    assert bench.height > 0.8
+    assert after(bench, lambda: bench.pilot.state.mode == PX4_LAND) == pytest.approx(5.0, abs=0.1)
+
+
+def test_an_ardupilot_as_it_comes_waits_for_a_transmitter():
+    bench = Bench("ardupilot", outside=False, is_prepared=False)
+    bench.run(12.0)
+    assert bench.mode(GUIDED) == ACCEPTED
+    assert bench.arm() == FAILED
+    assert "PreArm: RC not found" in bench.texts()
+    bench.pilot.state.sticks = PilotSticks(bench.now, 0.0, 0.0, 0.0, 0.5)
+    assert bench.arm() == ACCEPTED

@@ -13,6 +13,7 @@ from autopilot_bench import (  # noqa: E402
     BRAKE,
     GUIDED,
     LAND,
+    LOITER,
     PLAIN,
     POSITION,
     PX4_HOLD,
@@ -25,6 +26,7 @@ from framing import ACCEPTED, FAILED  # noqa: E402
 from sim_worlds import FRAME  # noqa: E402
 
 from kybflow.core.geometry import from_euler, heading_of, norm, tilt_of  # noqa: E402
+from kybflow.drivers.emulated_autopilot.state import PilotSticks  # noqa: E402
 from kybflow.drivers.mavlink.protocol.frames import attitude_to_ned  # noqa: E402
 from kybflow.drivers.sim import SimParams  # noqa: E402
 
@@ -147,6 +149,7 @@ def test_it_flies_on_its_own_gps(name):
         assert bench.run(15.0, lambda: bench.height > 2.2)
         assert bench.run(5.0, lambda: bench.pilot.state.mode == PX4_HOLD)
     else:
+        bench.say(mavlink.MAVLink_param_set_message(1, 1, b"FS_THR_ENABLE", 0.0, 9))
         assert bench.mode(GUIDED) == ACCEPTED
         assert bench.arm() == ACCEPTED, bench.texts()
         assert bench.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 2.0) == ACCEPTED
@@ -223,10 +226,13 @@ def test_a_landing_that_begins_in_a_climb_holds_its_place_on_the_way_down(name):
     assert abs(bench.truth.position[0] - x) < 0.3
 
 
-def test_loiter_without_a_pilot_sinks():
+def test_loiter_sinks_without_its_pilot_but_holds_if_it_never_had_one():
     bench = Bench("ardupilot").take_off(2.5)
-    assert bench.mode(5) == ACCEPTED
-    bench.run(0.7)
+    assert bench.mode(LOITER) == ACCEPTED
+    bench.run(2.0)
+    assert bench.truth.position == pytest.approx((0.0, 0.0, 2.5), abs=0.1)
+    bench.pilot.state.sticks = PilotSticks(bench.now, 0.0, 0.0, 0.0, 0.5)
+    bench.run(2.2)
     assert bench.truth.velocity[2] < -1.0
 
 

@@ -257,3 +257,22 @@ def test_what_fails_can_be_written(text):
 def test_what_can_t_fail_is_said(text):
     with pytest.raises(DriverError, match=r"can fail|value|is not|is from 0 to 1|before 0 s"):
         read_break(text, AutopilotFailures)
+
+
+@BOTH
+@pytest.mark.parametrize("kept_out", ["CONDITION_YAW", "DO_REPOSITION", "MISSION_START"])
+def test_a_command_that_is_kept_out_is_refused_by_name(name, kept_out):
+    bench = Bench(name)
+    bench.run(1.0)
+    assert bench.command(getattr(mavlink, f"MAV_CMD_{kept_out}")) == UNSUPPORTED
+    assert f"not emulated: {kept_out}" in bench.texts()
+
+
+@BOTH
+def test_an_upload_of_a_mission_is_refused_by_name(name):
+    bench = Bench(name)
+    bench.run(1.0)
+    bench.say(mavlink.MAVLink_mission_count_message(1, 1, 3))
+    bench.run(0.1)
+    assert bench.last("MISSION_ACK").type == mavlink.MAV_MISSION_UNSUPPORTED
+    assert "not emulated: missions" in bench.texts()

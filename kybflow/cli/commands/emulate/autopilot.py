@@ -47,8 +47,11 @@ def command(
     address: Annotated[list[str], repeated("--address", help="Its address; can be repeated.")],
     system: Annotated[int, Option(min=1, max=200, help="The first system id.")] = 1,
     gps: Annotated[
-        bool, Option(help="Whether it has GPS and the firmware's default setup.")
+        bool, Option(help="Whether it has GPS; else poses come from the client.")
     ] = True,
+    factory: Annotated[
+        bool, Option("--factory", help="It has the firmware's defaults, and GPS.")
+    ] = False,
     param: Annotated[
         list[AutopilotParameter],
         repeated(
@@ -56,7 +59,7 @@ def command(
         ),
     ],
     own_system: Annotated[
-        int, Option(min=1, max=255, help="System id of the client, with --no-gps.")
+        int, Option(min=1, max=255, help="System id of the client whose loss lands it.")
     ] = 245,
     key: Annotated[Path | None, Option(help="File with the secret of signed messages.")] = None,
     fail: Annotated[
@@ -72,9 +75,12 @@ def command(
     tests and dry runs; it doesn't replace tests with the firmware itself.
 
     An address is `udpout:HOST:PORT`, `udpin:HOST:PORT` or `tcpin:HOST:PORT`; the default is that of
-    the firmware's own simulator. Each further vehicle listens 10 ports above the previous one. With
-    --no-gps an autopilot is set up for flight indoors with positions from the client, as for
-    `kybflow run --target px4`.
+    the firmware's own simulator. Each further vehicle listens 10 ports above the previous one.
+
+    It has the failsafes that `kybflow mavlink setup` writes, and flies without a transmitter. With
+    --no-gps it is set up for flight indoors with positions from the client, as for
+    `kybflow run --target px4`; with --factory it is as the firmware comes: ArduPilot then refuses
+    to arm without a transmitter.
 
     \b
     Examples:
@@ -82,6 +88,7 @@ def command(
       kybflow emulate autopilot --vehicle px4 --count 2 --no-gps
       kybflow emulate autopilot --vehicle ardupilot --mission missions/courier.yaml --no-gps
       kybflow emulate autopilot --vehicle px4 --address udpin:127.0.0.1:14600 --fail blind@20
+      kybflow emulate autopilot --vehicle ardupilot --factory
     """
     from kybflow.api.emulation import Wires, autopilots
     from kybflow.core.errors import DriverError
@@ -92,6 +99,12 @@ def command(
     def started(name: str, number: int, addresses: list[str]) -> None:
         echo(f"{name} ({vehicle}, system {number}) is at {', '.join(addresses)}; Ctrl-C ends it")
 
+    if factory and not gps:
+        raise BadParameter(
+            "an autopilot as it comes has GPS; leave out --no-gps, or change single parameters"
+            " with --param",
+            param_hint="--factory",
+        )
     breaks = serving.breaks_of(fail, AutopilotFailures)
     with refusing("--key", DriverError):
         secret = None if key is None else read_key(key)
@@ -102,6 +115,6 @@ def command(
     with failing(DRIVER_FAILED, DriverError):
         from kybflow.drivers.emulated_autopilot.firmware import SetupPlan
 
-        setup = SetupPlan(vehicle, not gps, not gps, own_system, dict(param))
+        setup = SetupPlan(vehicle, not gps, not factory, own_system, dict(param))
         with autopilots(seats, setup, Wires(address, system, secret), seed, started) as fleet:
             serving.served(fleet, breaks, speed)

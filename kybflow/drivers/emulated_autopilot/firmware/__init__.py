@@ -41,10 +41,11 @@ class EmulatedFirmware:
 
     version: the version in AUTOPILOT_VERSION.
     modes: its modes, by number.
-    start, follow, hold, land, back: the numbers of the modes in which it starts, follows setpoints,
-    waits, lands and returns.
+    start, follow, hold, land, back, loiter: the numbers of the modes in which it starts, follows
+    setpoints, waits, lands and returns, and of that of MAV_CMD_NAV_LOITER_UNLIM.
     parameters: its defaults; an int is sent as an integer.
     system_parameter: the parameter that holds its system id.
+    without_transmitter: the parameters that let it fly without a transmitter.
     loss_parameter: as in `EmulatedState`.
     takeoff_parameter: the parameter with the height of its take-off mode; empty if it has no such
     mode.
@@ -52,11 +53,21 @@ class EmulatedFirmware:
     dropped; None if the mode is left instead.
     streams: the messages that it sends by default, Hz by name.
     stations: addresses of ground stations to which its own simulator also sends.
+    station_streams: the messages that it sends there by default, Hz by name.
+    lacks: the messages that the other firmware sends, but not this one.
 
+    unsupported: the commands that the other firmware carries out, but not this one.
+    stream_refused, message_refused: its acknowledgements of a request for a stream, or for one
+    message, that it can't send.
+    answers_pings: whether it answers a PING to all systems.
+    answers_for_all: whether it answers commands to other components of its system, too.
+    tells_parameter_errors: whether it sends PARAM_ERROR.
     denied, unknown_mode: its acknowledgements of a command that it can't carry out now, and of an
     unknown mode.
     armed_text, disarmed_text, not_landed_text: its texts when it is armed, when it is disarmed, and
     when it is requested to disarm in the air.
+    wrong_arming_text: its text about a wrong value in a request to arm, in place of an
+    acknowledgement; empty if it acknowledges.
     text_end: a suffix of all its texts.
     mode_messages: the messages that it sends after a mode change.
     servo_function: the output function of a payload's servo.
@@ -70,6 +81,12 @@ class EmulatedFirmware:
     averages: the time over which it averages the squares of its innovations.
     waits: the time from the first GPS fix to a position; real receivers take longer.
     takes_off: the climb rate of its take-off, m/s.
+    approach: its gain from position error to velocity for a setpoint that is only a position, 1/s.
+    ramp: the time in which the climb rate grows to its maximum after lift-off, s.
+    looks_ahead: whether it turns towards a position setpoint without a heading.
+    lands_to_return: whether the descent at the end of a return counts as landing.
+    holds_unsteered: the numbers of the modes in which it holds its place as long as no transmitter
+    has been received.
     obeys_on_ground: whether setpoints alone make it leave the ground.
     keeps_setpoints: whether it takes setpoints in any mode and keeps them across modes.
     returns_to_mode: whether it returns to the last requested mode once disarmed.
@@ -78,7 +95,6 @@ class EmulatedFirmware:
     speaks_to_all: whether it sends texts not only to ground stations.
     complains: whether it repeats unasked why it can't be armed.
     every_heartbeat_counts: whether its failsafe counts every heartbeat as a ground station's.
-    pauses_in_mode: whether a pause leaves its mode unchanged.
 
     sources: returns the sensors that its parameters select.
     refusal: returns why it can't be armed now, empty if it can.
@@ -89,7 +105,9 @@ class EmulatedFirmware:
     tells_position: returns whether it reports its position.
     mode_number: returns the mode in the parameters of DO_SET_MODE.
     move_output: carries out a command to an output; returns the acknowledgement.
-    speeds, land_speed, return_height: read these values from its parameters.
+    speeds, land_speed: read these values from its parameters.
+    return_height: returns the height above home of a return that begins `away` from home at
+    `height` above it.
     climb_rate: returns the climb rate that a throttle commands; None if it commands thrust.
     """
 
@@ -100,18 +118,29 @@ class EmulatedFirmware:
     hold: int
     land: int
     back: int
+    loiter: int
     parameters: Mapping[str, float]
     system_parameter: str
+    without_transmitter: frozenset[str]
     loss_parameter: str = ""
     takeoff_parameter: str = ""
     setpoint_timeout: str | None = None
     streams: Mapping[str, float]
     stations: tuple[str, ...] = ()
+    station_streams: Mapping[str, float]
+    lacks: frozenset[str]
+    unsupported: frozenset[int] = frozenset()
+    stream_refused: int
+    message_refused: int
+    answers_pings: bool
+    answers_for_all: bool
+    tells_parameter_errors: bool
     denied: int
     unknown_mode: int
     armed_text: str
     disarmed_text: str
     not_landed_text: str
+    wrong_arming_text: str = ""
     text_end: str = ""
     mode_messages: tuple[str, ...]
     servo_function: int
@@ -124,6 +153,11 @@ class EmulatedFirmware:
     adopts: int | None
     averages: float
     takes_off: float
+    approach: float
+    ramp: float
+    looks_ahead: bool
+    lands_to_return: bool
+    holds_unsteered: frozenset[int]
     obeys_on_ground: bool
     keeps_setpoints: bool
     returns_to_mode: bool
@@ -132,7 +166,6 @@ class EmulatedFirmware:
     speaks_to_all: bool
     complains: bool
     every_heartbeat_counts: bool
-    pauses_in_mode: bool
     sources: Callable[[Values], Sources]
     refusal: Callable[[EmulatedState, Time], str]
     refusal_texts: Callable[[str], tuple[str, ...]]
@@ -145,7 +178,7 @@ class EmulatedFirmware:
     move_output: Callable[[Outputs, int, tuple[float, ...], Time], int]
     speeds: Callable[[Values], Speeds]
     land_speed: Callable[[Values], float]
-    return_height: Callable[[Values], float]
+    return_height: Callable[[Values, float, float], float]
     climb_rate: Callable[[Values, float], float | None]
     name: str = ""
 
@@ -251,7 +284,7 @@ def prepared(
     station: the system id of the program that flies the vehicle.
     """
     profile = firmware.profile
-    safe = {danger.name for danger in profile.dangers}
+    safe = {danger.name for danger in profile.dangers} | firmware.without_transmitter
     changes = as_built(firmware, context, system)
     for setting in profile.indoors:
         if outside or setting.name in safe or setting.value == OWN:

@@ -9,6 +9,7 @@ from kybflow.drivers.emulated_autopilot.estimator import Sources
 from kybflow.drivers.emulated_autopilot.firmware import EmulatedFirmware, by_number
 from kybflow.drivers.emulated_autopilot.state import (
     ACCEPTED,
+    DENIED,
     FAILED,
     INFO,
     UNSUPPORTED,
@@ -33,7 +34,12 @@ MOST_TILT = 20.0 * DEG
 """The largest tilt at which it arms, radians."""
 THRUST_IS_THRUST = 8
 """The bit of GUID_OPTIONS; without it a throttle is a climb rate."""
-STABILIZE, GUIDED, LOITER, RETURN, LAND, BRAKE = 0, 4, 5, 6, 9, 17
+STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RETURN, LAND, POSHOLD, BRAKE = (
+    0, 2, 3, 4, 5, 6, 9, 16, 17,
+)  # fmt: skip
+CONE_SLOPE, LOWEST_RETURN = 3.0, 2.0
+"""A return rises to the first times the distance, and at least to the second, metres
+(RTL_CONE_SLOPE, RTL_ALT_MIN)."""
 
 
 def mode_number(p: tuple[float, ...]) -> int:
@@ -57,6 +63,8 @@ def refusal(state: EmulatedState, now: Time) -> str:
         return ""
     if not estimator.is_settled(now):
         return "PreArm: AHRS: not healthy"
+    if p["FS_THR_ENABLE"] and state.sticks is None:
+        return "PreArm: RC not found"
     if 0.0 < state.battery.voltage < max(p["BATT_LOW_VOLT"], p["BATT_ARM_VOLT"]):
         return "PreArm: Battery 1 low voltage failsafe"
     if (state.failures.tilt * DEG or tilt_of(estimator.attitude.value)) > MOST_TILT:
@@ -82,7 +90,9 @@ def refusal_texts(reason: str) -> tuple[str, ...]:
     return (reason,)
 
 
-def mode_refusal(_state: EmulatedState, _mode: FlightMode, _now: Time) -> str:
+def mode_refusal(_state: EmulatedState, mode: FlightMode, _now: Time) -> str:
+    if mode.number == AUTO:
+        return "Mode change to AUTO failed: init failed"  # it has no mission
     return ""
 
 
@@ -147,15 +157,17 @@ def move_output(outputs: Outputs, command: int, p: tuple[float, ...], now: Time)
 
 def speeds(p: EmulatedParameters) -> Speeds:
     along, up, down = p["WPNAV_SPEED"], p["WPNAV_SPEED_UP"], p["WPNAV_SPEED_DN"]
-    return Speeds(along / 100.0, up / 100.0, down / 100.0)
+    return Speeds(along / 100.0, up / 100.0, down / 100.0, EMULATED.approach)
 
 
 def land_speed(p: EmulatedParameters) -> float:
     return p["LAND_SPEED"] / 100.0
 
 
-def return_height(p: EmulatedParameters) -> float:
-    return p["RTL_ALT"] / 100.0
+def return_height(p: EmulatedParameters, away: float, height: float) -> float:
+    """As `ModeRTL::compute_return_target` in ArduCopter."""
+    lowest = max(LOWEST_RETURN, height)
+    return min(max(p["RTL_ALT"] / 100.0, lowest), max(CONE_SLOPE * away, lowest))
 
 
 def climb_rate(p: EmulatedParameters, throttle: float) -> float | None:
@@ -168,18 +180,18 @@ EMULATED = EmulatedFirmware(
     version=(4, 5, 7),
     modes=by_number(
         FlightMode("STABILIZE", STABILIZE, Role.PILOT, needs_position=False),
-        FlightMode("ALT_HOLD", 2, Role.PILOT, needs_position=False),
-        FlightMode("AUTO", 3, Role.HOLD),
+        FlightMode("ALT_HOLD", ALT_HOLD, Role.PILOT, needs_position=False),
+        FlightMode("AUTO", AUTO, Role.HOLD),
         FlightMode("GUIDED", GUIDED, Role.FOLLOW),
         FlightMode("LOITER", LOITER, Role.PILOT),
         FlightMode("RTL", RETURN, Role.RETURN),
         FlightMode("LAND", LAND, Role.LAND, needs_position=False),
-        FlightMode("POSHOLD", 16, Role.PILOT),
+        FlightMode("POSHOLD", POSHOLD, Role.PILOT),
         FlightMode("BRAKE", BRAKE, Role.HOLD),
         FlightMode("GUIDED_NOGPS", 20, Role.FOLLOW, needs_position=False),
         FlightMode("SMART_RTL", 21, Role.RETURN),
     ),
-    start=STABILIZE, follow=GUIDED, hold=BRAKE, land=LAND, back=RETURN,
+    start=STABILIZE, follow=GUIDED, hold=BRAKE, land=LAND, back=RETURN, loiter=LOITER,
     parameters={
         "ARMING_CHECK": 1, "BATT_ARM_VOLT": 0.0, "BATT_CRT_VOLT": 0.0, "BATT_FS_CRT_ACT": 0,
         "BATT_FS_LOW_ACT": 0, "BATT_LOW_VOLT": 10.5, "BATT_MONITOR": 4, "COMPASS_ENABLE": 1,
@@ -195,15 +207,26 @@ EMULATED = EmulatedFirmware(
         "SYSID_THISMAV": 1, "VISO_TYPE": 0, "WPNAV_SPEED": 1000.0, "WPNAV_SPEED_DN": 150.0,
         "WPNAV_SPEED_UP": 250.0,
     },
-    system_parameter="SYSID_THISMAV", setpoint_timeout="GUID_TIMEOUT", streams={}, denied=FAILED,
+    system_parameter="SYSID_THISMAV", setpoint_timeout="GUID_TIMEOUT", streams={},
+    station_streams={}, without_transmitter=frozenset({"FS_THR_ENABLE"}),
+    lacks=frozenset(
+        {
+            "ALTITUDE", "CURRENT_MODE", "ESTIMATOR_STATUS", "HIGHRES_IMU", "HIL_STATE_QUATERNION",
+            "ODOMETRY",
+        }
+    ),
+    stream_refused=DENIED, message_refused=DENIED, answers_pings=False, answers_for_all=True,
+    tells_parameter_errors=False, denied=FAILED,
     unknown_mode=FAILED, armed_text="Arming motors", disarmed_text="Disarming motors",
     not_landed_text="Disarm: not landed", mode_messages=("HEARTBEAT",), servo_function=0,
     pulses=(1100, 1900), vision_frames=frozenset({mavlink.MAV_FRAME_LOCAL_FRD}),
     origin=Tangent.on_sphere(-35.363262, 149.165237, 584.0, RADIUS), forgets=7.2, gives_up=7.9,
     adopts=100, averages=0.0,
-    waits=8.0, takes_off=0.5, obeys_on_ground=False, keeps_setpoints=False,
+    waits=8.0, takes_off=0.5, approach=0.8, ramp=0.0, looks_ahead=True, lands_to_return=True,
+    holds_unsteered=frozenset({ALT_HOLD, LOITER, POSHOLD}), obeys_on_ground=False,
+    keeps_setpoints=False,
     returns_to_mode=False, by_axis=False, takes_mocap=True, speaks_to_all=True, complains=True,
-    every_heartbeat_counts=True, pauses_in_mode=True, sources=sources, refusal=refusal,
+    every_heartbeat_counts=True, sources=sources, refusal=refusal,
     refusal_texts=refusal_texts, mode_refusal=mode_refusal, failsafe=failsafe, disarms=disarms,
     idle_status=idle_status, tells_position=tells_position, mode_number=mode_number,
     move_output=move_output, speeds=speeds, land_speed=land_speed, return_height=return_height,

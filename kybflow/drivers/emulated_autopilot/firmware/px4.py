@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import tan
+
 from kybflow.core.geometry import tilt_of
 from kybflow.core.signals import NS, Time
 from kybflow.core.units import DEG
@@ -10,6 +12,9 @@ from kybflow.drivers.emulated_autopilot.firmware import EmulatedFirmware, by_num
 from kybflow.drivers.emulated_autopilot.setpoints import AttitudeTarget
 from kybflow.drivers.emulated_autopilot.state import (
     ACCEPTED,
+    DENIED,
+    FAILED,
+    PILOT_LOST,
     UNSUPPORTED,
     EmulatedParameters,
     EmulatedState,
@@ -23,7 +28,6 @@ from kybflow.drivers.mavlink.protocol.frames import Tangent
 from kybflow.drivers.mavlink.protocol.framing import mavlink
 
 TEMPORARILY_REJECTED: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
-DENIED: int = mavlink.MAV_RESULT_DENIED
 VISION, VISION_HEIGHT, VISION_HEADING = 1, 2, 8
 """Bits of EKF2_EV_CTRL."""
 GRIPPER, FIRST_SET, SETS = 430, 301, 6
@@ -38,8 +42,8 @@ def number(main: int, sub: int = 0) -> int:
     return main << 16 | sub << 24
 
 
-OFFBOARD, TAKE_OFF, HOLD, RETURN, LAND = (
-    number(6), number(4, 2), number(4, 3), number(4, 5), number(4, 6),
+OFFBOARD, TAKE_OFF, HOLD, MISSION, RETURN, LAND = (
+    number(6), number(4, 2), number(4, 3), number(4, 4), number(4, 5), number(4, 6),
 )  # fmt: skip
 
 
@@ -95,6 +99,8 @@ def mode_refusal(state: EmulatedState, mode: FlightMode, now: Time) -> str:
         return "Switching to mode 'Offboard' is currently not available"
     if mode.role is Role.PILOT and not state.has_pilot(now):
         return f"Switching to mode '{mode.name}' is currently not available"
+    if mode.number == MISSION:
+        return "Switching to mode 'Mission' is currently not available"  # it has none
     return ""
 
 
@@ -121,10 +127,27 @@ def failsafe(state: EmulatedState, now: Time) -> FailsafeAction | None:
     if role is Role.FOLLOW and not state.streams(now):
         action = {4: LAND, 5: HOLD}.get(int(p["COM_OBL_RC_ACT"]), RETURN)
         return FailsafeAction(action, "Failsafe activated: offboard signal lost", "setpoints")
+    if (lost := _lost_pilot(state, now)) is not None:
+        return lost
     alone = {1: HOLD, 2: RETURN, 3: LAND}.get(int(p["NAV_DLL_ACT"]))
     heard = max(state.stations.values(), default=None)
     if alone is not None and heard is not None and now - heard > p["COM_DL_LOSS_T"] * NS:
         return FailsafeAction(alone, "Failsafe activated: GCS connection lost", "station")
+    return None
+
+
+def _lost_pilot(state: EmulatedState, now: Time) -> FailsafeAction | None:
+    """Return the hold that begins when a transmitter is lost, and what follows it."""
+    p, wait = state.parameters, state.parameters["COM_FAIL_ACT_T"]
+    if state.sticks is None or state.has_pilot(now):
+        return None
+    if state.flying.role is Role.PILOT:
+        words = f"Failsafe activated: entering Hold for {wait:.0f} seconds"
+        return FailsafeAction(HOLD, words, "pilot")
+    is_over = now - state.sticks.time > PILOT_LOST + wait * NS
+    if state.failed_over == "pilot" and is_over and (act := int(p["NAV_RCL_ACT"])) > 1:
+        mode = RETURN if act == 2 else LAND
+        return FailsafeAction(mode, "Failsafe activated: manual control lost", "pilot lost")
     return None
 
 
@@ -170,15 +193,24 @@ def _move(outputs: Outputs, function: int, pulse: int, now: Time) -> None:
 
 
 def speeds(p: EmulatedParameters) -> Speeds:
-    return Speeds(p["MPC_XY_VEL_MAX"], p["MPC_Z_VEL_MAX_UP"], p["MPC_Z_VEL_MAX_DN"])
+    return Speeds(
+        p["MPC_XY_VEL_MAX"], p["MPC_Z_VEL_MAX_UP"], p["MPC_Z_VEL_MAX_DN"], EMULATED.approach
+    )
 
 
 def land_speed(p: EmulatedParameters) -> float:
     return p["MPC_LAND_SPEED"]
 
 
-def return_height(p: EmulatedParameters) -> float:
-    return p["RTL_RETURN_ALT"]
+def return_height(p: EmulatedParameters, away: float, height: float) -> float:
+    """As `RTL::computeReturnAltitude` in PX4."""
+    most, accepted = p["RTL_RETURN_ALT"], p["NAV_ACC_RAD"]
+    up = most
+    if away <= accepted:
+        up = 2.0 * away
+    elif away <= p["RTL_MIN_DIST"]:
+        up = max(away / tan(p["RTL_CONE_ANG"] * DEG), 2.0 * accepted)
+    return min(max(up, height), max(most, height))
 
 
 def climb_rate(_p: EmulatedParameters, _throttle: float) -> None:
@@ -193,18 +225,19 @@ EMULATED = EmulatedFirmware(
         FlightMode("POSCTL", number(3), Role.PILOT),
         FlightMode("AUTO.TAKEOFF", TAKE_OFF, Role.TAKE_OFF),
         FlightMode("AUTO.LOITER", HOLD, Role.HOLD),
-        FlightMode("AUTO.MISSION", number(4, 4), Role.HOLD),
+        FlightMode("AUTO.MISSION", MISSION, Role.HOLD),
         FlightMode("AUTO.RTL", RETURN, Role.RETURN),
         FlightMode("AUTO.LAND", LAND, Role.LAND, needs_position=False),
         FlightMode("ACRO", number(5), Role.PILOT, needs_position=False),
         FlightMode("OFFBOARD", OFFBOARD, Role.FOLLOW),
         FlightMode("STABILIZED", number(7), Role.PILOT, needs_position=False),
     ),
-    start=HOLD, follow=OFFBOARD, hold=HOLD, land=LAND, back=RETURN,
+    start=HOLD, follow=OFFBOARD, hold=HOLD, land=LAND, back=RETURN, loiter=HOLD,
     parameters={
         "BAT_CRIT_THR": 0.07, "BAT_EMERGEN_THR": 0.05, "BAT_LOW_THR": 0.15, "COM_ARM_WO_GPS": 1,
-        "COM_DISARM_LAND": 2.0, "COM_DISARM_PRFLT": 10.0, "COM_DL_LOSS_T": 10, "COM_LOW_BAT_ACT": 0,
-        "COM_OBL_RC_ACT": 0, "COM_OF_LOSS_T": 1.0, "COM_POS_FS_EPH": 5.0, "COM_RCL_EXCEPT": 0,
+        "COM_DISARM_LAND": 2.0, "COM_DISARM_PRFLT": 10.0, "COM_DL_LOSS_T": 10,
+        "COM_FAIL_ACT_T": 5.0, "COM_LOW_BAT_ACT": 0, "COM_OBL_RC_ACT": 0, "COM_OF_LOSS_T": 1.0,
+        "COM_POS_FS_EPH": 5.0, "COM_RCL_EXCEPT": 0,
         "COM_RC_IN_MODE": 3, "EKF2_ACC_NOISE": 0.35, "EKF2_BARO_CTRL": 1, "EKF2_EVA_NOISE": 0.1,
         "EKF2_EVP_NOISE": 0.1, "EKF2_EVV_NOISE": 0.1, "EKF2_GYR_NOISE": 0.015, "EKF2_EV_CTRL": 0,
         "EKF2_EV_DELAY": 0.0, "EKF2_GPS_CTRL": 7, "EKF2_HGT_REF": 1, "EKF2_MAG_TYPE": 0,
@@ -213,10 +246,13 @@ EMULATED = EmulatedFirmware(
         "MPC_TILTMAX_AIR": 45.0, "MPC_XY_P": 0.95, "MPC_XY_VEL_MAX": 12.0, "MPC_Z_VEL_MAX_DN": 1.5,
         "MPC_Z_VEL_MAX_UP": 3.0, "NAV_DLL_ACT": 0, "NAV_RCL_ACT": 2, "PD_GRIPPER_EN": 0,
         "PD_GRIPPER_TO": 1.0, "PWM_MAIN_FUNC5": 0, "PWM_MAIN_FUNC6": 0, "PWM_MAIN_FUNC7": 0,
-        "PWM_MAIN_FUNC8": 0, "RTL_RETURN_ALT": 60.0, "SENS_EN_GPSSIM": 1, "SENS_EN_MAGSIM": 1,
+        "PWM_MAIN_FUNC8": 0, "NAV_ACC_RAD": 10.0,
+        "RTL_CONE_ANG": 45, "RTL_MIN_DIST": 10.0, "RTL_RETURN_ALT": 30.0,
+        "SENS_EN_GPSSIM": 1, "SENS_EN_MAGSIM": 1,
         "SYS_AUTOSTART": 10040, "SYS_HAS_GPS": 1, "SYS_HAS_MAG": 1,
     },
     system_parameter="MAV_SYS_ID", loss_parameter="COM_OF_LOSS_T",
+    without_transmitter=frozenset({"COM_RCL_EXCEPT", "NAV_RCL_ACT"}),
     takeoff_parameter="MIS_TAKEOFF_ALT",
     streams={
         "ALTITUDE": 10.0, "ATTITUDE": 99.0, "ATTITUDE_QUATERNION": 50.0, "ATTITUDE_TARGET": 10.0,
@@ -225,17 +261,37 @@ EMULATED = EmulatedFirmware(
         "LOCAL_POSITION_NED": 30.0, "ODOMETRY": 30.0, "SERVO_OUTPUT_RAW": 10.0, "SYSTEM_TIME": 1.0,
         "SYS_STATUS": 5.0, "VFR_HUD": 10.0,
     },
-    stations=("udpout:127.0.0.1:14550",), denied=TEMPORARILY_REJECTED, unknown_mode=DENIED,
+    stations=("udpout:127.0.0.1:14550",),
+    station_streams={
+        "ALTITUDE": 1.0, "ATTITUDE": 50.0, "ATTITUDE_QUATERNION": 50.0, "ATTITUDE_TARGET": 50.0,
+        "BATTERY_STATUS": 0.5, "CURRENT_MODE": 0.5, "ESTIMATOR_STATUS": 0.5,
+        "EXTENDED_SYS_STATE": 1.0, "GLOBAL_POSITION_INT": 50.0, "GPS_GLOBAL_ORIGIN": 1.0,
+        "GPS_RAW_INT": 5.0, "HOME_POSITION": 0.5, "LOCAL_POSITION_NED": 50.0,
+        "POSITION_TARGET_LOCAL_NED": 50.0, "RC_CHANNELS": 5.0, "SERVO_OUTPUT_RAW": 50.0,
+        "SYS_STATUS": 1.0, "SYSTEM_TIME": 1.0, "VFR_HUD": 4.0,
+    },
+    lacks=frozenset({"EKF_STATUS_REPORT", "RAW_IMU", "SIM_STATE"}),
+    unsupported=frozenset(
+        {
+            mavlink.MAV_CMD_DO_PAUSE_CONTINUE, mavlink.MAV_CMD_NAV_LOITER_UNLIM,
+            mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
+        }
+    ),
+    stream_refused=FAILED, message_refused=DENIED, answers_pings=True, answers_for_all=False,
+    tells_parameter_errors=True, denied=TEMPORARILY_REJECTED, unknown_mode=DENIED,
     armed_text="Armed by external command", disarmed_text="Disarmed by external command",
-    not_landed_text="Disarming denied: not landed", text_end="\t",
+    not_landed_text="Disarming denied: not landed",
+    wrong_arming_text="Unsupported ARM_DISARM param: {:.3f}", text_end="\t",
     mode_messages=("HEARTBEAT", "CURRENT_MODE"), servo_function=GRIPPER, pulses=(1000, 2000),
     vision_frames=frozenset({mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_FRD}),
     origin=Tangent.on_ellipsoid(47.397742, 8.545594, 488.0), forgets=1.0, gives_up=5.0, adopts=None,
-    averages=0.5, waits=2.5, takes_off=1.5, obeys_on_ground=True, keeps_setpoints=True,
+    averages=0.5, waits=2.5, takes_off=1.5, approach=0.62, ramp=8.0, looks_ahead=False,
+    lands_to_return=False,
+    holds_unsteered=frozenset(), obeys_on_ground=True, keeps_setpoints=True,
     returns_to_mode=True,
     by_axis=True, takes_mocap=False, speaks_to_all=False, complains=False,
     every_heartbeat_counts=False,
-    pauses_in_mode=False, sources=sources, refusal=refusal, refusal_texts=refusal_texts,
+    sources=sources, refusal=refusal, refusal_texts=refusal_texts,
     mode_refusal=mode_refusal, failsafe=failsafe, disarms=disarms, idle_status=idle_status,
     tells_position=tells_position, mode_number=mode_number, move_output=move_output, speeds=speeds,
     land_speed=land_speed, return_height=return_height, climb_rate=climb_rate,
