@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kybflow.core.signals import NS
-from kybflow.recording.layout import dtype_spec
-from kybflow.recording.messages import Recording
+from kybflow.recording.layout import dtype_spec, kept_every
+from kybflow.recording.messages import TICK, Recording
 
 Array = NDArray[np.float64]
 
@@ -61,8 +61,9 @@ class EstimatorTrack:
 
 def read_estimators(log: Recording, vehicle: str) -> Iterator[EstimatorTrack]:
     """Yield the estimates that a vehicle flew on as a track without a name, then a track for each
-    of its estimators; nothing if none was recorded."""
-    stamps, ticks = log.ticks(vehicle)
+    of its estimators; nothing if none was recorded. Candidates are matched with all ticks: after a
+    gap in the recording, thinned ones are others than those at which candidates were recorded."""
+    stamps, ticks = log[f"/{vehicle}/tick"].decoded(TICK)
     flown, truth = ticks["estimate"], ticks["truth"]
     is_known = truth["present"][:, None]
     reference = _Reference(
@@ -84,8 +85,10 @@ def read_estimators(log: Recording, vehicle: str) -> Iterator[EstimatorTrack]:
         found.append(_track(vehicle, name, at, nearest, rows, rows["usable"], used, own))
     if found:  # a tick without a candidate counts like the last one that has any
         last = np.maximum.accumulate(np.where(blended >= 0, np.arange(len(blended)), 0))
-        present, offset = flown["present"], blended[last] == 1
-        yield _track(vehicle, "", stamps, reference, flown, present, present, offset)
+        some = slice(None, None, kept_every(log.mission["control_rate"]))
+        present, offset = flown["present"][some], blended[last][some] == 1
+        nearest = _Reference(reference.position[some], reference.attitude[some])
+        yield _track(vehicle, "", stamps[some], nearest, flown[some], present, present, offset)
     yield from found
 
 
