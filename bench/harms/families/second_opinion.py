@@ -391,13 +391,13 @@ def shelf_above_the_start(mission: Mission) -> Changes:
 
 @dangerous
 def ball_rolls_over_the_start(mission: Mission) -> Changes:
-    """A moving ball rolls over the place where the vehicle stands and takes off."""
+    """A moving ball rolls to and fro over the place where the vehicle stands."""
     for _, obstacle in mission.pairs("world", "obstacles"):
         along = mission.at("moving_sphere", "along", of=obstacle)
         if along:
             vehicle = mission.own()[0]
             x, y = mission.planned(vehicle.name).start[:2]
-            path = f"[[{x - 3:g}, {y:g}, 0.1], [{x:g}, {y:g}, 0.1]]"
+            path = f"[[{x:g}, {y:g}, 0.1], [{x - 1:g}, {y:g}, 0.1]]"
             start = mission.at("start", of=vehicle.node)
             yield change(put(along, path), also=(start, vehicle.key))
 
