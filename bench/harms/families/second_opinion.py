@@ -480,11 +480,14 @@ def phase_of_one_second(mission: Mission) -> Changes:
 @senseless
 def waits_for_a_state_that_nobody_enters(mission: Mission) -> Changes:
     """The phase waits until all are in a state in which it has put none of them."""
-    for _, phase in _phases(mission):
+    phases = dict(_phases(mission))
+    for phase in phases.values():
         for item in _transitions(mission, phase):
             when = mission.at("when", of=item)
             if when and re.fullmatch(r"all \w+ in hover", when.value):
-                yield change(put(when, when.value.replace("hover", "down")))
+                following = phases.get(mission.word("go", of=item))
+                run = mission.at("run", of=following) if following else None
+                yield change(put(when, when.value.replace("hover", "down")), also=(run,))
 
 
 @senseless
