@@ -140,7 +140,7 @@ _FAMILIES = {
     "Faults": (180, 330, 438),
     "Groups and flows": (190, 240, 436, 443, 454, 462, 520),
     "Every flight ends on the ground": (205, 250),
-    "Conditions and expectations": (210, 253, 257, 410, 423),
+    "Conditions and expectations": (210, 253, 257, 410, 423, 570),
     "Estimators": (255,),
     "Data from sensors to rotors": (301, 535),
     "Paths, limits and obstacles": (311, 340, 426, 444, 453, 510, 545, 556),
@@ -153,7 +153,7 @@ _FAMILIES = {
     "Payloads": (395,),
     "Inputs and steering": (400, 447),
     "Airframes and what they carry": (420,),
-    "Time and energy": (430, 448, 455),
+    "Time and energy": (430, 448, 455, 575),
     "Several vehicles": (440,),
     "Rehearsals": (470,),
 }

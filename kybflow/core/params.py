@@ -48,8 +48,9 @@ list of words."""
 Named = Literal["vehicle", "estimator", "input", "group"]
 """What a text parameter may name: another vehicle, one of the vehicle's estimators, an input, or
 the group of vehicles that fly the behavior together."""
-Room = Literal["across", "up"]
-"""The extent of the fence with which a length is compared: its longest side, or its height."""
+Room = Literal["across", "up", "floor"]
+"""The extent of the fence with which a length is compared: its longest side, or its height. A
+`floor` is a height below which the behavior doesn't fly."""
 NamesLike = Literal["name", "dotted", "any"]
 """Which names a mapping may have as keys: `a`, `a` and `a.b`, or any text."""
 Reads = Callable[[File], object]
@@ -152,7 +153,8 @@ class Field:
     checks that it exists. reads: the function with which the compiler checks a file. limited_by:
     another parameter of the part that this one must not exceed, because the part would never
     succeed. room: the extent of the fence with which the length is compared; the length has no
-    effect if it is more than half of the longest side (`across`) or more than the height (`up`).
+    effect if it is more than half of the longest side (`across`) or more than the height (`up`). A
+    `floor` is also compared with the height at which the behavior is entered.
     binary: whether the file may be other than text. key: the key in YAML, if it differs from the
     name. examples: values that editors offer. each, each_examples: the help and the examples for
     each item of a list or mapping. least: the least number of items. needed: whether a file must

@@ -288,6 +288,10 @@ ReactionName = Literal["warn", "brake", "go_home", "land", "land_blind", "cut"]
 """The name of a reaction, as a mission writes it for a supervisor."""
 
 
+ExitName = Literal["next", "done", "failed", "within", "refused", "asked", "failsafe", "operator"]
+"""How a behavior or a phase ended, as `how` of the events `behavior_ended` and `phase_ended`."""
+
+
 class Alarm(NamedTuple):
     """The report that a bound was crossed. event: the name of the event, in the past tense.
     reaction: what the failsafe does. value, bound: the measured value and the bound, None if they

@@ -52,11 +52,11 @@ _NOTHING: frozenset[str] = frozenset()
 class Exit(NamedTuple):
     """Why a state is left.
 
-    how: `next`, `done`, `failed` or `within` for a transition of the mission; `refused` if the
-    behavior did not start; `asked` for a switch; `failsafe` for a built-in state that is entered
-    regardless of the mission, also at the end of a run or by a reset. Flows also end with
-    `operator` or `failed`. at: the mission line that caused the exit, or empty. transition: the
-    transition of the mission, if there is one.
+    how: an `ExitName`, or `begin`: `next`, `done`, `failed` or `within` for a transition of the
+    mission; `refused` if the behavior did not start; `asked` for a switch; `failsafe` for a
+    built-in state that is entered regardless of the mission, also at the end of a run or by a
+    reset. Flows also end with `operator` or `failed`. at: the mission line that caused the exit, or
+    empty. transition: the transition of the mission, if there is one.
     """
 
     how: str

@@ -124,6 +124,13 @@ class Gamepad(Input[GamepadParams]):
             if source.removeprefix("-") not in SOURCES:
                 reason, hint = f"a gamepad has no axis `{source}`", did_you_mean(source, SOURCES)
                 return Objection(axis, reason, hint)
+        used: dict[str, str] = {}
+        for axis in AXES:
+            source = getattr(params, axis).removeprefix("-")
+            first = used.setdefault(source, axis)
+            if first != axis and source != NONE:
+                reason = f"`{source}` would move both `{first}` and `{axis}`"
+                return Objection(axis, reason, f"name another source, or `{NONE}`")
         return None
 
     @classmethod

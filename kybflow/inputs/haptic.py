@@ -43,6 +43,9 @@ from kybflow.parts.base import Objection
 from kybflow.parts.input import FeltLink, SticksOf
 
 _FORCES = ("force_x", "force_y", "force_z")
+STRONGEST = 20.0
+"""The largest force of the strongest device, N: a delta.3 or a sigma.7 by Force Dimension, whose
+workspace has a radius of 20 cm. An omega.3 gives 12 N."""
 
 
 @params
@@ -53,14 +56,18 @@ class HapticParams:
     hand: File | None = param(
         "Script of the simulated hand.", default=None, read_only=True, reads=read_rows
     )
-    reach: Length = param("Distance of a full deflection.", default=0.05, above=0.0)
+    reach: Length = param(
+        "Distance of a full deflection.", default=0.05, at_least=0.005, at_most=0.2
+    )
     dead_zone: Ratio = param(
         "Deflection that counts as zero.", default=0.1, at_least=0.0, at_most=0.5
     )
     force: Force = param("Force at a mismatch of 1.", default=4.0, at_least=0.0)
     spring: Force = param("Force to the centre at `reach`.", default=2.0, at_least=0.0)
-    damping: Force = param("Damping force at a hand speed of 1 m/s.", default=4.0, at_least=0.0)
-    most: Force = param("Largest force.", default=8.0, above=0.0)
+    damping: Force = param(
+        "Damping force at a hand speed of 1 m/s.", default=4.0, at_least=0.0, at_most=40.0
+    )
+    most: Force = param("Largest force.", default=8.0, above=0.0, at_most=STRONGEST)
 
 
 class Haptic(Input[HapticParams]):
@@ -84,6 +91,15 @@ class Haptic(Input[HapticParams]):
     def objection(cls, params: HapticParams) -> Objection | None:
         if params.device == "simulated" and params.hand is None:
             return Objection("device", "a simulated hand needs a script", "write `hand: hand.csv`")
+        p, nothing = params, {"force": "feel the vehicles", "spring": "find the centre"}
+        for name, sense in nothing.items():
+            value = getattr(p, name)
+            if value == 0.0:
+                reason = f"a hand can't {sense} with a `{name}` of 0 N"
+                return Objection(name, reason, "write more", is_doubt=True)
+            if value > p.most:
+                reason = f"`{name}` of {value:g} N is cut off at `most`, {p.most:g} N"
+                return Objection(name, reason, "write less, or more `most`", is_doubt=True)
         return None
 
     @classmethod

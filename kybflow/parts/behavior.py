@@ -193,10 +193,11 @@ class Behavior(Part[P]):
     emitted in `behavior_waits`; None while it isn't waiting. lets_go: whether no command is sent
     now, so that the vehicle's own watchdog lands it. axes: the axes that the inputs named by its
     parameters must have. push: the force on the hand of the person who steers, along the axes x, y
-    and z. hears: whether it receives the messages of other vehicles. says: the message that its
-    latest update publishes to them, recorded as a measurement of its class. keeps_pace: whether it
-    flies one straight line at a `pace` and accepts a slower one by `keep`, so that several vehicles
-    arrive together.
+    and z. hears: whether it receives the messages of other vehicles. agreed: the
+    parameters that must be equal for all members of the group that fly it together. says: the
+    message that its latest update publishes to them, recorded as a measurement of its class.
+    keeps_pace: whether it flies one straight line at a `pace` and accepts a slower one by `keep`,
+    so that several vehicles arrive together.
     """
 
     kind = "behaviors"
@@ -210,6 +211,7 @@ class Behavior(Part[P]):
     axes: ClassVar[tuple[str, ...]] = ()
     push: Vec3 = ZERO
     hears: ClassVar[bool] = False
+    agreed: ClassVar[tuple[str, ...]] = ()
     keeps_pace: ClassVar[bool] = False
     pace: Pace | None = None
     says: Measurement | None = None

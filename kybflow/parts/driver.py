@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from kybflow.core.geometry import Vec3
+from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import CommandKind, MeasurementKind, Time
 from kybflow.parts.base import Claim, Objection, P, Part
 from kybflow.parts.link import Link, SimulatedScene
@@ -29,6 +29,16 @@ class Charge(NamedTuple):
 
     parameter: str
     share: float
+
+
+class Air(NamedTuple):
+    """The disturbances of a simulated lab. wind: steady, m/s, world frame. gust: standard deviation
+    of the wind along each axis, m/s. force: standard deviation of the random force along each axis
+    over the vehicle's mass, m/s^2."""
+
+    wind: Vec3 = ZERO
+    gust: float = 0.0
+    force: float = 0.0
 
 
 class Act(NamedTuple):
@@ -69,8 +79,11 @@ class Driver(Part[P]):
     another program may command the vehicles too. brings: sensors that the compiler adds if an
     estimator needs their measurements. moves_objects: the objects of the world move in its
     simulator (`Session.scene`). preflight_timeout: seconds in which the vehicles must become ready
-    to fly. targets: targets that every mission has without declaring them, each with the driver's
-    parameters.
+    to fly. caps: what the vehicles themselves limit (`tilt` and `climb` as an airframe does,
+    and `height` above the start), each with the driver's parameter that sets the limit. bodies: the
+    range of the airframe's parameters that the driver's vehicles have, if it flies only one model.
+    targets: targets that every mission has without declaring them, each with the
+    driver's parameters.
     """
 
     kind = "drivers"
@@ -87,6 +100,8 @@ class Driver(Part[P]):
     brings: ClassVar[tuple[str, ...]] = ()
     moves_objects: ClassVar[bool] = False
     preflight_timeout: ClassVar[float] = 5.0
+    caps: ClassVar[Mapping[str, str]] = {}
+    bodies: ClassVar[Mapping[str, tuple[float, float]]] = {}
     targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {}
 
     @classmethod
@@ -147,6 +162,11 @@ class Driver(Part[P]):
         """Return the inner loop that follows a tracker's commands on `airframe`, from which gains
         are designed; None if unknown."""
         return None
+
+    @classmethod
+    def air(cls, params: P) -> Air:
+        """Return the disturbances of the simulated lab; those of a real one are unknown."""
+        return Air()
 
     @classmethod
     def charge(cls, params: P) -> Charge | None:

@@ -9,6 +9,7 @@ vehicle flies is counted, because nothing is known about the expectation then.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from math import atan2, cos, inf, sin, sqrt
 from typing import Any, NamedTuple, Protocol
 
@@ -234,15 +235,16 @@ class _Last(_AtTheEnd):
 
     def __init__(self, condition: tree.Condition, views: Mapping[str, View], now: Now) -> None:
         self._condition = reader_of(condition, views, None, now)
-        self._bound: _Bound | None = None
+        self._made: Callable[[], _Bound] | None = None
         if isinstance(condition, tree.Compare) and condition.operator in _ORDERS:
-            self._bound = _Bound(condition, views, now)
+            self._made = partial(_Bound, condition, views, now)
 
     def found(self, finished_at: float | None) -> Assessment:
-        if self._bound is None:
+        if self._made is None:
             return Assessment(self._condition(), None, None, "")
-        self._bound.sample()
-        return self._bound.found(finished_at)
+        bound = self._made()
+        bound.sample()
+        return bound.found(finished_at)
 
 
 class _InTime(_AtTheEnd):

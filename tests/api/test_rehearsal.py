@@ -403,6 +403,38 @@ def test_an_expectation_that_ideal_vehicles_do_not_meet(tmp_path: Path) -> None:
     assert found(rehearsed(ALONE + expects + fault, tmp_path)) == []
 
 
+def test_a_fault_explains_only_what_it_can_change(tmp_path: Path) -> None:
+    """What has failed before the fault, what is about another vehicle, and a place that is far from
+    the whole flight."""
+    fault = "faults: [{at: 4 s, on: a, inject: gust, velocity: [1, 0, 0], for: 1 s}]\n"
+    before = "  - always a.state.altitude < 50 cm\n"
+    far = "  - finally distance(a to [2.5 2 0]) < 10 cm\n"
+    near = "  - finally distance(a to [0.5 0 0]) < 10 cm\n"
+    explained = "  - always a.state.speed < 1 cm/s\n"
+    beside = "  b: {like: a, start: {at: [2, 0, 0]}}\n"
+    another = "  - finally distance(b to [1.5 0 0]) < 10 cm\n"
+
+    one = rehearsed(f"{ALONE}{fault}expect:\n{before}{far}{near}", tmp_path)
+    two = rehearsed(f"{ALONE}{beside}{fault}expect:\n{near}{another}", tmp_path)
+    late = fault.replace("4 s", "0.1 s")
+
+    assert [d.message.split("`")[1] for d in one.diagnostics] == [before[4:-1], far[4:-1]]
+    assert [d.message.split("`")[1] for d in two.diagnostics] == [another[4:-1]]
+    assert found(rehearsed(f"{ALONE}{late}expect:\n{explained}", tmp_path)) == []
+
+
+def test_a_fault_that_comes_after_the_flight_or_never(tmp_path: Path) -> None:
+    gust = "on: a, inject: gust, velocity: [1, 0, 0], for: 1 s"
+    late = rehearsed(f"{ALONE}faults: [{{at: 2 min, {gust}}}]\n", tmp_path)
+    never = "when: behavior == own and elapsed > 5 s"
+    measured = "when: behavior == own and state.speed > 10 cm/s"
+
+    assert found(late) == ["KYB483"]
+    assert late.diagnostics[0].message == "`gust` begins after the flight of `a`"
+    assert found(rehearsed(f"{ALONE}faults: [{{{never}, {gust}}}]\n", tmp_path)) == ["KYB483"]
+    assert found(rehearsed(f"{ALONE}faults: [{{{measured}, {gust}}}]\n", tmp_path)) == []
+
+
 def test_a_watch_that_fails_is_no_clean_rehearsal(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

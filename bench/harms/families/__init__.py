@@ -10,6 +10,7 @@ from harms.families import (
     faults_and_callbacks,
     fleets,
     formations,
+    labs_and_hands,
     parameters,
     physics,
     plants,
@@ -26,7 +27,7 @@ from harms.operator import Operator
 
 HARMFUL = (
     slips, physics, expectations, supervisors, time_and_energy, plants, sensing, structure, fleets,
-    rooms, faults_and_callbacks, parameters, avoidance, formations, second_opinion,
+    rooms, faults_and_callbacks, parameters, avoidance, formations, labs_and_hands, second_opinion,
 )  # fmt: skip
 
 

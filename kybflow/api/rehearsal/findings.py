@@ -1,4 +1,4 @@
-"""The findings of a rehearsal as diagnostics: KYB470 to KYB482.
+"""The findings of a rehearsal as diagnostics: KYB470 to KYB483.
 
 There is a function per code. `watch` decides that something is wrong; a function here describes it
 at the mission line of the vehicle that causes it, with notes on the other vehicles involved.
@@ -235,11 +235,28 @@ def stays_down(vehicle: str, check: str, why: str, at: str, texts: Texts) -> Dia
 
 def unmet(expectation: str, at: str, value: str, texts: Texts) -> Diagnostic:
     """KYB482: an expectation does not hold although nothing is broken and everything else is in
-    order. It is reported only for missions without faults in which no person acts."""
+    order. It is reported only for missions in which no person acts, and not if a fault of the
+    mission may explain it: it failed after the first fault began, and that fault can change it."""
     said = f"`{expectation}` does not hold on ideal vehicles"
     label = f"it is {value}" if value else "not met"
     hint = "change the expectation or the mission"
     return Diagnostic("KYB482", said, span_at(at, texts), label, help=hint)
+
+
+def comes_too_late(fault: str, vehicle: str, ended: float, at: str, texts: Texts) -> Diagnostic:
+    """KYB483: a fault begins long after its vehicle has landed for good, so it tests nothing (a
+    warning)."""
+    said = f"`{fault}` begins after the flight of `{vehicle}`"
+    label = f"`{vehicle}` has landed at {ended:.1f} s"
+    hint, severity = "inject it earlier", Severity.WARNING
+    return Diagnostic("KYB483", said, span_at(at, texts), label, help=hint, severity=severity)
+
+
+def never_comes(fault: str, condition: str, at: str, texts: Texts) -> Diagnostic:
+    """KYB483: the condition of a fault never holds in the rehearsal."""
+    said, span = f"`{fault}` is never injected", span_at(at, texts)
+    label, hint = f"`{condition}` never holds", "correct its condition, or remove the fault"
+    return Diagnostic("KYB483", said, span, label, help=hint, severity=Severity.WARNING)
 
 
 class StraightWay(NamedTuple):

@@ -1,9 +1,9 @@
 """Flies a plan once on ideal vehicles, as fast as possible, and collects the findings.
 
 Every driver becomes `kinematic`. Estimators become TrueState and trackers PassOn, with the names
-and options of the originals. Sensors and faults are left out; if the mission has faults, so are the
-expectations, which may be about them. Processors, supervisors, behaviors and flows stay. An input
-that a person moves rests at its centre.
+and options of the originals. Sensors are left out, and faults have no effect
+(`kybflow.api.rehearsal.faults`). Processors, supervisors, behaviors and flows stay. An input that a
+person moves rests at its centre.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 
 from kybflow.api.opening import NOTHING, PlanEntryJudge, assemble, open_devices
 from kybflow.api.rehearsal import findings
+from kybflow.api.rehearsal.faults import FaultWatch, harmless
 from kybflow.api.rehearsal.person import Assumed, Person
 from kybflow.api.rehearsal.watch import LeastCharge, LeastSeparation, Watch
 from kybflow.api.validation import to_annotation, to_sarif
@@ -124,20 +125,20 @@ def rehearse(
     for, OptionRefused for an option that can't be changed.
     """
     check_emitted(plan, (name for _, name in emitted))
-    watch, commands = Watch(plan, texts), CommandQueue(emitted)
+    watch, faults, commands = Watch(plan, texts), FaultWatch(plan), CommandQueue(emitted)
     person = Person(plan, commands, (name for _, name in emitted))
     duration, verdicts = 0.0, tuple[Verdict, ...]()
     try:
-        duration, verdicts = _flown(plan, watch, person, commands, options)
+        duration, verdicts = _flown(plan, watch, faults, person, commands, options)
         found = watch.diagnostics
         if not (found or person.assumed or at_rest(plan)):
             found = tuple(
                 findings.unmet(
                     v.text, v.at, "" if v.value is None else format_measured(v.value, v.unit), texts
                 )
-                for v in verdicts
-                if not v.held
+                for v in faults.unexplained(verdicts)
             )
+            found += tuple(faults.diagnostics(texts))
     except PartFailed as failure:
         made = ((vehicle.name, part) for vehicle in plan.vehicles for part in vehicle.parts)
         places = ((name, part.at) for name, part in made if part.label == failure.part)
@@ -152,6 +153,7 @@ def rehearse(
 def _flown(
     plan: Plan,
     watch: Watch,
+    faults: FaultWatch,
     person: Person,
     commands: CommandQueue,
     options: Sequence[tuple[str, str]],
@@ -166,7 +168,7 @@ def _flown(
             failures.append(event.fields["reason"])
 
     flown = ideal(plan)
-    events = Events((watch.on_event, note_failure))
+    events = Events((watch.on_event, faults.on_event, note_failure))
     clock, score = SimulatedClock(flown.control_rate), Score(flown)
     devices = open_devices(flown, 0, at_rest(plan))
     try:
@@ -175,6 +177,7 @@ def _flown(
             commands=commands, judge=PlanEntryJudge(plan), options=options,
         )  # fmt: skip
         watch.begin(engine)
+        faults.begin(engine)
         unfinished = engine.run()
         watch.end(engine)
         if failures:
@@ -201,13 +204,11 @@ def ideal(plan: Plan) -> Plan:
         )
         vehicles.append(ideal_vehicle)
     return replace(
-        plan,
+        harmless(plan),
         simulated=True,
         watching={},
         control_rate=min(RATE, plan.control_rate),
         vehicles=tuple(vehicles),
-        expectations=() if plan.faults else plan.expectations,
-        faults=(),
     )
 
 

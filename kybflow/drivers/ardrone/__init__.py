@@ -27,6 +27,9 @@ CLIMB_TIME = 1.0 / 1.4
 """Time constant of the climb rate, seconds; tum_ardrone predicts the climb with 1.4 1/s (Engel,
 Sturm and Cremers, IROS 2012)."""
 DEAD_TIME = 0.005
+BODIES = {"mass": (0.33, 0.6), "diameter": (0.3, 0.42)}
+"""An AR.Drone's mass, kg, and diameter, m. Parrot's data are 380 g with the outdoor hull and 420 g
+with the indoor hull; more is for a larger battery and what people fasten to it."""
 
 
 class Ardrone(Driver[ArdroneParams]):
@@ -36,6 +39,10 @@ class Ardrone(Driver[ArdroneParams]):
     lands: ClassVar[bool] = True
     lands_blind: ClassVar[bool] = True
     preflight_timeout = 30.0
+    caps: ClassVar[Mapping[str, str]] = {
+        "tilt": "euler_angle_max", "climb": "control_vz_max", "height": "altitude_max",
+    }  # fmt: skip
+    bodies: ClassVar[Mapping[str, tuple[float, float]]] = BODIES
     targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {"ardrone": {}}
 
     @classmethod

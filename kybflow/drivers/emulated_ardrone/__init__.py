@@ -17,7 +17,7 @@ from kybflow.core.units import Duration, Ratio
 from kybflow.drivers.ardrone import CLIMB_TIME, Ardrone
 from kybflow.drivers.ardrone.params import ArdroneLinkParams
 from kybflow.drivers.sim import Sim, SimParams
-from kybflow.parts import Driver, Seat, Session, param, params
+from kybflow.parts import Air, Driver, Seat, Session, param, params
 from kybflow.world.vehicle_context import Airframe, InnerLoop
 
 if TYPE_CHECKING:
@@ -53,6 +53,8 @@ class EmulatedArdrone(Driver[EmulatedArdroneParams]):
     lands_blind: ClassVar[bool] = True
     brings = ("simulated_camera",)
     preflight_timeout = Ardrone.preflight_timeout
+    caps: ClassVar[Mapping[str, str]] = Ardrone.caps
+    bodies: ClassVar[Mapping[str, tuple[float, float]]] = Ardrone.bodies
     targets: ClassVar[Mapping[str, Mapping[str, str | bool]]] = {"emulated_ardrone": {}}
 
     @classmethod
@@ -70,6 +72,10 @@ class EmulatedArdrone(Driver[EmulatedArdroneParams]):
     @classmethod
     def world(cls, params: EmulatedArdroneParams) -> str:
         return f"{Sim.world(params)}, as emulated AR.Drones"
+
+    @classmethod
+    def air(cls, params: EmulatedArdroneParams) -> Air:
+        return Sim.air(params)
 
     @classmethod
     def inner_loop(cls, params: EmulatedArdroneParams, airframe: Airframe) -> InnerLoop:

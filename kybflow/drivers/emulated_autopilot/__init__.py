@@ -17,7 +17,7 @@ from kybflow.drivers import firmware_names
 from kybflow.drivers.mavlink import Mavlink
 from kybflow.drivers.mavlink.params import AutopilotLinkParams
 from kybflow.drivers.sim import Sim, SimParams
-from kybflow.parts import Driver, Seat, Session, param, params
+from kybflow.parts import Air, Driver, Seat, Session, param, params
 from kybflow.world.vehicle_context import Airframe, InnerLoop
 
 if TYPE_CHECKING:
@@ -68,6 +68,10 @@ class EmulatedAutopilot(Driver[EmulatedAutopilotParams]):
     @classmethod
     def world(cls, params: EmulatedAutopilotParams) -> str:
         return f"{Sim.world(params)}, with an emulated autopilot"
+
+    @classmethod
+    def air(cls, params: EmulatedAutopilotParams) -> Air:
+        return Sim.air(params)
 
     @classmethod
     def inner_loop(cls, params: EmulatedAutopilotParams, airframe: Airframe) -> InnerLoop:

@@ -23,7 +23,7 @@ from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Battery, CommandKind, Imu, Pose, Position
 from kybflow.core.units import Number
 from kybflow.drivers.sim import Sim, SimParams
-from kybflow.parts import Driver, Seat, Session, param, params
+from kybflow.parts import Air, Driver, Seat, Session, param, params
 from kybflow.parts.base import Objection
 from kybflow.world.vehicle_context import Airframe, InnerLoop, Parcel
 
@@ -80,6 +80,10 @@ class Rotorpy(Driver[RotorpyParams]):
     @classmethod
     def world(cls, params: RotorpyParams) -> str:
         return f"{Sim.world(params)}, by rotorpy"
+
+    @classmethod
+    def air(cls, params: RotorpyParams) -> Air:
+        return Sim.air(params)
 
     @classmethod
     def inner_loop(cls, params: RotorpyParams, airframe: Airframe) -> InnerLoop:

@@ -29,7 +29,7 @@ from kybflow.core.units import (
     Speed,
     Velocity,
 )
-from kybflow.parts import Charge, Driver, Seat, Session, param, params
+from kybflow.parts import Air, Charge, Driver, Seat, Session, param, params
 from kybflow.world.vehicle_context import Airframe, InnerLoop
 
 if TYPE_CHECKING:
@@ -220,6 +220,10 @@ class Sim(Driver[SimParams]):
     @classmethod
     def world(cls, params: SimParams) -> str:
         return "still air" if params.calm else "a lab"
+
+    @classmethod
+    def air(cls, params: SimParams) -> Air:
+        return Air(params.wind, params.gust, 0.0 if params.calm else params.force_noise)
 
     @classmethod
     def charge(cls, params: SimParams) -> Charge:

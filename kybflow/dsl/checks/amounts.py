@@ -1,48 +1,62 @@
 """Parameters of implausible size, such as angles of many turns and distances larger than the room:
-KYB426 to KYB429 and KYB444."""
+KYB426 to KYB429, KYB444, KYB564 and KYB565."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
+from itertools import pairwise
 from math import pi, tan
 from typing import Any, NamedTuple
 
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.params import Field, fields_of, fields_with
-from kybflow.core.units import ACCELERATION, ANGLE, DURATION, LENGTH, SPEED
+from kybflow.core.units import ACCELERATION, ANGLE, ANGULAR_RATE, DURATION, LENGTH, SPEED
 from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.flow_places import entered_by_flows
 from kybflow.dsl.checks.limits import LIMITS
-from kybflow.dsl.checks.space import footprints
-from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.checks.reachability import entries_of
+from kybflow.dsl.checks.space import footprints, shown_point
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
 from kybflow.dsl.expressions.tree import quantity
 from kybflow.dsl.plan import PartPlan, VehiclePlan
+from kybflow.dsl.reading.nodes import entries_of as entries_of_node
+from kybflow.dsl.reading.nodes import items_of
 from kybflow.parts import AIR, GROUND
 
 _ROUNDING = 1e-6
 _TURN = 2.0 * pi
 _MIN_SPEED = 0.02
 """The least speed that makes sense for a flight, m/s: nearly a minute per metre."""
+_MIN_RATE = pi / 180.0
+"""The least rate of turning that makes sense, rad/s: six minutes a turn."""
+_MIN_TILT = 0.5 * pi / 180.0
+"""The least tilt that makes sense, rad: it accelerates by less than 0.1 m/s^2."""
 _MIN_CLIMB = 0.1
 """The least climb of a take-off, m. After a smaller one the vehicle may still be on the ground."""
 
 
 def several_turns(case: Case) -> Iterator[Diagnostic]:
-    """KYB426: an angle is larger than one turn, such as `90 rad` instead of `90 deg` (a
-    warning)."""
+    """KYB426: an angle is larger than one turn, such as `90 rad` instead of `90 deg`, or a rate is
+    more than one turn a second (a warning)."""
     angles = [(v.span_of("start", "heading"), "heading", v.heading) for v in case.plan.vehicles]
+    rates: list[tuple[Span, str, float]] = []
     for number in case.cached(_written):
         name = number.field.name
         if number.field.dimension is ANGLE:
             angles.append((number.part.span_of(name), name, number.value))
-    for span, name, value in angles:
+        elif number.field.dimension is ANGULAR_RATE:
+            rates.append((number.part.span_of(name), name, number.value))
+    told = [(a, "", f"did you mean `{a[2]:g} deg`?") for a in angles]
+    told += [(rate, " a second", "write at most `360 deg/s`") for rate in rates]
+    for (span, name, value), unit, hint in told:
         if abs(value) > _TURN + _ROUNDING:
             yield Diagnostic(
                 "KYB426",
-                f"`{name}` is more than one turn",
+                f"`{name}` is more than one turn{unit}",
                 span,
-                label=f"{abs(value) / _TURN:.3g} turns",
-                help=f"did you mean `{value:g} deg`?",
+                label=f"{abs(value) / _TURN:.3g} turns{unit}",
+                help=hint,
                 severity=Severity.WARNING,
             )
 
@@ -61,7 +75,7 @@ class _Number(NamedTuple):
 
 
 def _written(case: Case) -> Iterator[_Number]:
-    """Yield every angle and acceleration that the mission gives to a behavior."""
+    """Yield every angle, rate and acceleration that the mission gives to a behavior."""
     for vehicle, state in case.states():
         part = state.behavior
         for field in _judged(part.params.__class__):
@@ -71,7 +85,7 @@ def _written(case: Case) -> Iterator[_Number]:
 
 @functools.cache
 def _judged(params: Any) -> tuple[Field, ...]:
-    kinds = (ANGLE, ACCELERATION)
+    kinds = (ANGLE, ANGULAR_RATE, ACCELERATION)
     return tuple(f for f in fields_of(params) if f.dimension in kinds and f.shape == "scalar")
 
 
@@ -83,7 +97,7 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
         for field in fields_with(part.params.__class__, "room"):
             if fence is None or not part.is_written(field.name):
                 continue
-            is_height, value = field.room == "up", getattr(part.params, field.name)
+            is_height, value = field.room != "across", getattr(part.params, field.name)
             extent = fence.size[2] if is_height else max(fence.size)
             if value is None or value <= (extent if is_height else 0.5 * extent):
                 continue
@@ -103,6 +117,60 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
                 help=f"write a smaller value, such as `{field.name}: {usual}`",
                 severity=Severity.WARNING,
             )
+
+
+def corner_twice(case: Case) -> Iterator[Diagnostic]:
+    """KYB564: a path has the same corner twice in a row, so the second does nothing (a warning)."""
+    for _, state in case.states():
+        part = state.behavior
+        for name in _paths(part.params.__class__) if not state.built_in else ():
+            corners = getattr(part.params, name) or ()
+            index = next((i for i, (a, b) in enumerate(pairwise(corners), 1) if a == b), None)
+            if index is None or not part.is_written(name):
+                continue
+            items = items_of(entries_of_node(part.source.node)[name].value)
+            yield Diagnostic(
+                "KYB564",
+                f"`{name}` of `{state.name}` has a corner twice in a row",
+                items[index].span if index < len(items) else part.span_of(name),
+                label=f"{shown_point(corners[index])} again",
+                help="correct the corner, or remove it",
+                severity=Severity.WARNING,
+            )
+
+
+@functools.cache
+def _paths(params: Any) -> tuple[str, ...]:
+    return tuple(field.name for field in fields_of(params) if field.shape == "path")
+
+
+def entered_too_low(case: Case) -> Iterator[Diagnostic]:
+    """KYB565: a behavior is entered below the smallest height at which it flies, so it can't obey
+    until the vehicle has climbed (a warning)."""
+    for vehicle, state in case.states():
+        part = state.behavior
+        for field in fields_with(part.params.__class__, "room"):
+            if field.room != "floor" or not part.is_written(field.name):
+                continue
+            least = vehicle.start[2] + getattr(part.params, field.name)
+            own = (
+                entries_of(vehicle)[state.name].points if state.name in entries_of(vehicle) else ()
+            )
+            flown = (
+                p
+                for v, name, p in case.cached(entered_by_flows)
+                if (v, name) == (vehicle, state.name)
+            )
+            low = next((p for p in (*own, *flown) if p[2] < least - _ROUNDING), None)
+            if low is not None:
+                yield Diagnostic(
+                    "KYB565",
+                    f"`{state.name}` is entered below its `{field.name}`",
+                    part.span_of(field.name),
+                    label=f"entered {quantity(low[2] - vehicle.start[2], LENGTH)} above the start",
+                    help=f"climb higher first, or reduce `{field.name}`",
+                    severity=Severity.WARNING,
+                )
 
 
 def _parts(case: Case) -> Iterator[PartPlan]:
@@ -137,7 +205,24 @@ def beyond_any_tilt(case: Case) -> Iterator[Diagnostic]:
 
 
 def crawls(case: Case) -> Iterator[Diagnostic]:
-    """KYB429: a `speed` or `climb` is below 2 cm/s, at which a flight takes minutes (a warning)."""
+    """KYB429: a `speed` or `climb` is below 2 cm/s, a rate of turning below 1 deg/s, or the `tilt`
+    of a behavior below 0.5 deg, at which a flight or a turn takes minutes (a warning)."""
+    for _, part, field in case.cached(_written):
+        value, dimension, name = getattr(part.params, field.name), field.dimension, field.name
+        is_slow = dimension is ANGULAR_RATE and 0.0 < abs(value or 0.0) < _MIN_RATE
+        if not is_slow and not (name == "tilt" and value < _MIN_TILT):
+            continue
+        assert dimension is not None
+        more = quantity(field.default or 1.0, dimension)
+        turns = f"one turn takes {quantity(round(_TURN / abs(value)), DURATION)}"
+        yield Diagnostic(
+            "KYB429",
+            f"`{name}` of `{part.alias}` is too small to get anywhere",
+            part.span_of(name),
+            label=turns if is_slow else "",
+            help=f"write a larger value, such as `{name}: {more}`",
+            severity=Severity.WARNING,
+        )
     for part in _parts(case):
         for field in part.fields:
             name = field.name

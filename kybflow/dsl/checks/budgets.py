@@ -1,13 +1,15 @@
 """Time and energy that a mission needs, as lower bounds for a flight without failures, compared
-with what it allows: KYB430 to KYB435, KYB448, KYB455 and KYB456."""
+with what it allows: KYB430 to KYB435, KYB448, KYB455, KYB456 and KYB575."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from math import inf
+from typing import Any
 
-from kybflow.core.params import fields_with
-from kybflow.core.units import RATIO, format_quantity
+from kybflow.core.params import fields_of, fields_with
+from kybflow.core.units import DURATION, RATIO, format_quantity
 from kybflow.dsl.checks.barriers import flow_ways
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.durations import (
@@ -23,6 +25,7 @@ from kybflow.dsl.checks.durations import (
     sum_of,
     ways_from,
 )
+from kybflow.dsl.checks.faults import misleads
 from kybflow.dsl.checks.reachability import FlightNode, endless_states, entries_of, flight_graph
 from kybflow.dsl.checks.space import the_time_limit
 from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
@@ -37,6 +40,8 @@ from kybflow.parts.observables import is_in
 
 _BOUND_FACTOR = 3.0
 """A wait of up to this many times a behavior's longest duration may be meant as an upper bound."""
+_WITHIN_FACTOR = 2.0
+"""A behavior's time may be up to this many times its `within`, if it is meant as a bound."""
 _AT_ONCE = 0.1
 """Time in which no vehicle moves noticeably, s."""
 
@@ -215,6 +220,46 @@ def longer_than_its_patience(case: Case) -> Iterator[Diagnostic]:
             )
 
 
+def longer_than_the_mission(case: Case) -> Iterator[Diagnostic]:
+    """KYB575: a time for which a behavior waits is longer than the whole mission may last, or at
+    least twice as long as the behavior's own `within`, so it never ends the behavior (a warning).
+
+    The mission lasts no longer than its `time_limit`, and than an expectation `finished within`.
+    """
+    limit, what = case.plan.time_limit, "the mission's `time_limit`"
+    for text in case.plan.texts_of("expect"):
+        match parse(text, case.scopes.expectation())[0]:
+            case tree.Finished(within) if within < limit:
+                limit, what = within, f"`{text.as_written}`"
+    for vehicle, state in case.states():
+        part = state.behavior
+        if state.built_in:
+            continue
+        for name in _times(part.params.__class__) & part.source.node.entries.keys():
+            value = getattr(part.params, name)
+            if value is None:
+                continue
+            own = [t.after for t in state.transitions if t.cause == "within" and t.after]
+            allowed, by = limit, what
+            if own and value >= _WITHIN_FACTOR * min(own):
+                allowed, by = min(own), "its `within`"
+            if value < allowed or least_time(case, vehicle, state) >= allowed:
+                continue
+            yield Diagnostic(
+                "KYB575",
+                f"`{name}` of `{state.name}` has no effect, because it is so long",
+                part.span_of(name),
+                label=f"{by} allows {seconds_of(allowed)}",
+                help="write a shorter time",
+                severity=Severity.WARNING,
+            )
+
+
+@functools.cache
+def _times(params: Any) -> frozenset[str]:
+    return frozenset(field.name for field in fields_of(params) if field.dimension is DURATION)
+
+
 def out_of_energy(case: Case) -> Iterator[Diagnostic]:
     """KYB434: after a take-off the vehicle can't land before its battery is empty, or before a
     supervisor lands it because the battery is low.
@@ -321,7 +366,9 @@ def _too_slow(case: Case, expectation: tree.Expression | None) -> Way | None:
 def _way_into(case: Case, name: str, state: str, limit: float) -> Way | None:
     """Return a vehicle's quickest path into a state, if it takes longer than `limit`."""
     vehicle = case.plan.fleet[name]
-    if vehicle not in case.cached(_left_alone) or no_way_exceeds(case, vehicle, limit):
+    is_misled = any(fault.vehicle == name and misleads(fault) for fault in case.plan.faults)
+    known = _left_alone if is_misled or vehicle.goal(state) not in vehicle.states else _unasked
+    if vehicle not in case.cached(known) or no_way_exceeds(case, vehicle, limit):
         return None
     way = quickest_into(ways_from(case, vehicle, [_first(vehicle)]), state)
     return way if way is not None and exceeds(way.seconds, limit) else None
@@ -342,10 +389,17 @@ def _first(vehicle: VehiclePlan) -> FlightNode:
     return FlightNode(vehicle.begin, GROUND)
 
 
-def _left_alone(case: Case) -> Iterator[VehiclePlan]:
+def _unasked(case: Case) -> Iterator[VehiclePlan]:
     """Yield the vehicles that follow only their own transitions: no flow or callback requests a
-    state from them, and no fault affects them. A vehicle with a fault counts if the mission expects
-    it to end in `landed`: then the failsafe must not end its flight in `fault`."""
+    state from them."""
+    vehicles = () if case.cached(disturbances) else case.plan.vehicles
+    return (vehicle for vehicle in vehicles if not vehicle.requested)
+
+
+def _left_alone(case: Case) -> Iterator[VehiclePlan]:
+    """Yield the vehicles that follow only their own transitions and that no fault affects. A
+    vehicle with a fault counts if the mission expects it to end in `landed`: then the failsafe must
+    not end its flight in `fault`."""
     broken = {fault.vehicle for fault in case.plan.faults}
     for text in case.plan.texts_of("expect") if broken else ():
         match parse(text, case.scopes.expectation())[0]:
@@ -353,9 +407,7 @@ def _left_alone(case: Case) -> Iterator[VehiclePlan]:
                 broken.discard(name)
             case tree.Finally(tree.GroupInState("all", _, names, "landed")):
                 broken -= set(names)
-    for vehicle in () if case.cached(disturbances) else case.plan.vehicles:
-        if not vehicle.requested and vehicle.name not in broken:
-            yield vehicle
+    yield from (v for v in case.cached(_unasked) if v.name not in broken)
 
 
 def _place(case: Case, vehicle: VehiclePlan, way: Way) -> Span:

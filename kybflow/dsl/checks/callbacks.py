@@ -4,20 +4,20 @@ KYB230 to KYB239."""
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from string import Formatter
 from typing import NamedTuple, get_args
 
 from kybflow.core.events import AlarmRaised
 from kybflow.core.names import NAME
-from kybflow.core.signals import ReactionName
+from kybflow.core.signals import ExitName, ReactionName
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.events import OPERATOR, KnownEvents, emitted_by_transitions, known_events
 from kybflow.dsl.diagnostics import Diagnostic, Findings, Span, Text
 from kybflow.dsl.names import BUILT_IN, options_named
-from kybflow.dsl.plan import ActionKeys, CallbackPlan
+from kybflow.dsl.plan import ActionKeys, CallbackPlan, Plan, VehiclePlan
 from kybflow.dsl.reading.nodes import entries_of, items_of
 from kybflow.parts.events import AWAITED_EVENTS
 
@@ -26,15 +26,14 @@ _PLACEHOLDER = re.compile(rf"{NAME}\Z")
 _ALWAYS = ("event", "time")
 _NUMBERS = frozenset({"bound", "offset"})
 _OF_ALARMS = tuple(AlarmRaised.fields)
-_REACTIONS = get_args(ReactionName)
 
 
 def filters(case: Case) -> Iterator[Diagnostic]:
     """KYB231: a callback filters by a field that its event does not have, or by a value that never
     occurs.
 
-    The table of events lists the fields of each. Names of states, estimators and reactions are
-    checked. Numbers can't be filtered: compare them in a `when`.
+    The table of events lists the fields of each. What they name is checked: states, estimators,
+    reactions, how a behavior ended, and so on. Numbers can't be filtered: compare them in a `when`.
     """
     (events,) = case.cached(known_events)
     for callback in case.plan.callbacks:
@@ -56,17 +55,31 @@ def filters(case: Case) -> Iterator[Diagnostic]:
                 yield from _never_said(case, sources, field, callback.text_of(field))
 
 
+_Vehicles = list[VehiclePlan]
+_NAMES: dict[str, Callable[[Plan, _Vehicles], Iterable[str]]] = {
+    "behavior": lambda _, own: [*BUILT_IN, *(name for v in own for name in v.states)],
+    "state": lambda _, own: [*BUILT_IN, *(name for v in own for name in v.states)],
+    "estimator": lambda _, own: [use.part.alias for v in own for use in v.estimators],
+    "previous": lambda _, own: [use.part.alias for v in own for use in v.estimators],
+    "processor": lambda _, own: [part.alias for v in own for part in v.processors],
+    "camera": lambda _, own: [name for v in own for name in v.own_cameras],
+    "neighbour": lambda plan, _: plan.fleet,
+    "other": lambda plan, _: plan.fleet,
+    "reaction": lambda _, __: get_args(ReactionName),
+    "how": lambda _, __: get_args(ExitName),
+    "flow": lambda plan, _: plan.flows_by_name,
+    "phase": lambda plan, _: [name for flow in plan.flows for name in flow.phases],
+    "input": lambda plan, _: plan.inputs_by_name,
+    "fault": lambda plan, _: [fault.part.name for fault in plan.faults],
+}
+"""The names that a field can have, given the mission and the vehicles that emit the event."""
+
+
 def _never_said(
     case: Case, sources: tuple[str, ...], field: str, value: Text | None
 ) -> Iterator[Diagnostic]:
     vehicles = [case.plan.fleet[name] for name in sources if name]
-    known: set[str] = set()
-    if field == "behavior":
-        known = {name for v in vehicles for name in (*v.states, *BUILT_IN)}
-    elif field in ("estimator", "previous"):
-        known = {use.part.alias for v in vehicles for use in v.estimators}
-    elif field == "reaction":
-        known = set(_REACTIONS)
+    known = set(_NAMES[field](case.plan, vehicles)) if field in _NAMES else set()
     if value is not None and known and value.text not in known:
         message = f"`{field}` is never `{value.text}` here"
         hint = did_you_mean(value.text, known)

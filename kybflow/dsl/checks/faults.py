@@ -1,5 +1,5 @@
 """Faults: what they break, when, and on which targets that is possible: KYB330 to KYB336, KYB438
-and KYB457."""
+and KYB457; and the air of a simulated lab: KYB562."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from math import hypot, tan
 from random import Random
 
-from kybflow.core.geometry import GRAVITY
+from kybflow.core.geometry import GRAVITY, add
 from kybflow.core.params import Named, named_in
 from kybflow.core.signals import NS, Time, kind_name
 from kybflow.core.text import did_you_mean
@@ -18,9 +18,13 @@ from kybflow.dsl.expressions import parse
 from kybflow.dsl.plan import FaultPlan, PartPlan
 from kybflow.dsl.reading.nodes import entries_of
 from kybflow.parts.fault import ActiveFaults
+from kybflow.world.cameras import SOUND
+from kybflow.world.vehicle_context import Airframe
 
 _FULL_STRENGTH_NS: Time = 1000 * NS
 """A time by which every effect has reached full strength."""
+_DEVIATIONS = 2.0
+"""Gusts are stronger than this many standard deviations only for moments."""
 
 
 def unknown_vehicles(case: Case) -> Iterator[Diagnostic]:
@@ -118,9 +122,19 @@ def unknown_estimators(case: Case) -> Iterator[Diagnostic]:
 
 def of_no_effect(case: Case) -> Iterator[Diagnostic]:
     """KYB336: a fault of the camera, the tags or motion capture is applied to a vehicle that uses
-    none of them."""
+    none of them, or the messages of a vehicle are lost that no other vehicle hears."""
     for fault in case.plan.faults:
         vehicle, kind = case.plan.fleet.get(fault.vehicle), fault.part.cls.spoils
+        if vehicle is not None and _active_under(fault).silent:
+            others = (state.behavior for own, state in case.states() if own is not vehicle)
+            if not any(behavior.cls.hears for behavior in others):
+                yield Diagnostic(
+                    "KYB336",
+                    f"`{fault.part.name}` has no effect: no other vehicle hears `{vehicle.name}`",
+                    fault.part.span,
+                    label="none follows it or flies with it",
+                    help="remove the fault",
+                )
         if vehicle is None or kind is None:
             continue
         parts = [use.part for use in vehicle.estimators]
@@ -165,15 +179,13 @@ def too_strong(case: Case) -> Iterator[Diagnostic]:
         if vehicle is None:
             continue
         frame, active = vehicle.airframe, _active_under(fault)
-        (wx, wy, _), (px, py, up) = active.wind(_FULL_STRENGTH_NS), active.push
+        air, (px, py, up) = vehicle.driver.cls.air(vehicle.driver.params), active.push
+        wx, wy, _ = add(air.wind, active.wind(_FULL_STRENGTH_NS))
         heavy = (active.mass * frame.mass * (1.0 - up / GRAVITY) + active.payload) * GRAVITY
-        across = hypot(frame.drag * wx + px, frame.drag * wy + py)
-        able = GRAVITY * tan(frame.tilt)
+        why = _pushed(frame, hypot(frame.drag * wx + px, frame.drag * wy + py))
         if heavy > frame.max_thrust:
             why = f"its rotors lift {frame.max_thrust:.3g} N, but it weighs {heavy:.3g} N"
-        elif across > able:
-            why = f"it is pushed with {across:.3g} m/s^2, but its tilt withstands {able:.3g} m/s^2"
-        else:
+        if not why:
             continue
         yield Diagnostic(
             "KYB457",
@@ -183,6 +195,39 @@ def too_strong(case: Case) -> Iterator[Diagnostic]:
             help="make the fault weaker, unless the mission is meant to show this",
             severity=Severity.WARNING,
         )
+
+
+def _pushed(frame: Airframe, across: float) -> str:
+    """Return why an airframe can't withstand a horizontal push, m/s^2; empty if it can."""
+    able = GRAVITY * tan(frame.tilt)
+    if across <= able:
+        return ""
+    return f"it is pushed with {across:.3g} m/s^2, but its tilt withstands {able:.3g} m/s^2"
+
+
+def too_windy(case: Case) -> Iterator[Diagnostic]:
+    """KYB562: the simulated lab's air pushes a vehicle harder than its largest tilt can withstand,
+    so it drifts away: an error for the steady wind alone, a warning for gusts and other random
+    forces.
+
+    It is pushed by the drag of the wind, and by gusts of two standard deviations.
+    """
+    for vehicle in case.plan.vehicles:
+        driver, frame = vehicle.driver, vehicle.airframe
+        air = driver.cls.air(driver.params)
+        steady = frame.drag * hypot(*air.wind[:2])
+        random = _DEVIATIONS * hypot(frame.drag * air.gust, air.force)
+        why = _pushed(frame, steady) or _pushed(frame, steady + random)
+        if why:
+            written = (driver.span_of(name) for name in driver.source.node.entries)
+            yield Diagnostic(
+                "KYB562",
+                f"`{vehicle.name}` can't withstand the air of its lab",
+                next(written, driver.span),
+                label=why,
+                help="make the wind weaker",
+                severity=Severity.ERROR if _pushed(frame, steady) else Severity.WARNING,
+            )
 
 
 def _first_span(part: PartPlan) -> Span:
@@ -201,6 +246,14 @@ def _active_under(fault: FaultPlan) -> ActiveFaults:
     if active.vehicle in effects:
         active.begin(effects[active.vehicle], 0)
     return active
+
+
+def misleads(fault: FaultPlan) -> bool:
+    """Return whether a fault can make the vehicle believe that it is elsewhere."""
+    active = _active_under(fault)
+    biased = any(active.gyro_bias) or any(active.accelerometer_bias)
+    seen = active.body != active.vehicle or active.view != active.vehicle
+    return bool(active.filters or active.estimators or biased or seen or active.camera != SOUND)
 
 
 def conditions(case: Case) -> Iterator[Diagnostic]:

@@ -134,12 +134,16 @@ def input_names(case: Case) -> Iterator[Diagnostic]:
 
 
 def not_as_told(case: Case) -> Iterator[Diagnostic]:
-    """KYB407: an input can't work with its parameters: its device has no such axis."""
+    """KYB407: an input can't work with its parameters: its device has no such axis, or one source
+    moves two axes. It is a warning if the input can work, but probably not as intended."""
     for use in case.plan.inputs:
         objection = use.part.cls.objection(use.part.params)
         if objection is not None:
             span = use.part.span_of(objection.parameter)
-            yield Diagnostic("KYB407", objection.reason, span, help=objection.hint)
+            severity = Severity.WARNING if objection.is_doubt else Severity.ERROR
+            yield Diagnostic(
+                "KYB407", objection.reason, span, help=objection.hint, severity=severity
+            )
 
 
 _MAX_SILENCE_S = 5.0

@@ -1,10 +1,11 @@
 """Demands beyond an airframe's limits, implausible airframes, and payloads: KYB314, KYB316 to
-KYB319, KYB395 to KYB397, KYB420 and KYB421."""
+KYB319, KYB395 to KYB397, KYB420, KYB421, KYB560 and KYB561."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import chain
 from math import atan, floor, inf
 from typing import NamedTuple
 
@@ -13,23 +14,25 @@ from kybflow.core.params import fields_of
 from kybflow.core.units import ANGLE, FORCE, MASS, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import footprints, the_limit, values_of
-from kybflow.dsl.diagnostics import Diagnostic, Severity, Span
+from kybflow.dsl.diagnostics import Diagnostic, Related, Severity, Span
 from kybflow.dsl.expressions.tree import quantity
-from kybflow.dsl.plan import Body, StatePlan, VehiclePlan
-from kybflow.parts import GROUND
+from kybflow.dsl.plan import Body, PartPlan, StatePlan, VehiclePlan
+from kybflow.parts import AIR, GROUND
 from kybflow.world.plausible import Implausible, of_airframe, of_parcel
 from kybflow.world.vehicle_context import Airframe, Parcel
 
 _ROUNDING = 1e-6
 _MIN_MAX_RATIO = 1.15
+_HOLDING = 0.2
+"""The least acceleration with which a vehicle holds its position in the air of a lab, m/s^2."""
 
 LIMITS = frozenset({"tilt", "speed", "climb"})
 """The limits of an airframe that bound the parameters of the same name in its parts."""
 
 
 def beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
-    """KYB316: the `tilt`, `speed` or `climb` of a tracker or a processor exceeds that of the
-    airframe."""
+    """KYB316: the `tilt`, `speed` or `climb` of a tracker or a processor, or the `climb` of a
+    behavior, exceeds that of the airframe."""
     limited = [field for field in fields_of(Airframe) if field.name in LIMITS]
     written = (
         (vehicle, part, field)
@@ -39,7 +42,10 @@ def beyond_the_airframe(case: Case) -> Iterator[Diagnostic]:
         for field in limited
         if part.is_written(field.name)
     )
-    for vehicle, part, field in written:
+    climb = next(field for field in limited if field.name == "climb")
+    states = ((v, s.behavior) for v, s in case.states() if s.behavior.is_written("climb"))
+    climbing = ((vehicle, part, climb) for vehicle, part in states)
+    for vehicle, part, field in chain(written, climbing):
         name, dimension = field.name, field.dimension
         if dimension is None:
             continue
@@ -107,6 +113,98 @@ def too_steep(case: Case) -> Iterator[Diagnostic]:
             help="fly it more slowly, or make its curves wider",
             related=(*the_limit(vehicle, "tilt"), *values_of(state.behavior)),
         )
+
+
+def beyond_the_vehicle(case: Case) -> Iterator[Diagnostic]:
+    """KYB560: a driver or a tracker limits the tilt, the climb or the height to less than a
+    behavior needs.
+
+    The vehicle itself enforces the limits of some drivers, such as an AR.Drone's `altitude_max`. A
+    behavior needs the tilt atan(a / g) for the acceleration a of its curves, and at least half of
+    the `acceleration` with which it plans to fly to another place. To hold its position, every
+    vehicle needs 0.2 m/s^2.
+    """
+    capped = {v.name: caps for v in case.plan.vehicles if (caps := list(_caps(v)))}
+    most = _needs(case, capped) if capped else {}
+    for name, caps in capped.items():
+        for part, parameter, what in caps:
+            cap = getattr(part.params, parameter)
+            if cap is None or (name, what) not in most:
+                continue
+            need, state = most[name, what]
+            if need <= cap + _ROUNDING:
+                continue
+            dimension = next(f.dimension for f in part.fields if f.name == parameter)
+            assert dimension is not None
+            needed = format_quantity(need, dimension)
+            yield Diagnostic(
+                "KYB560",
+                f"`{parameter}` of `{part.name}` is too small for `{state.name}` of `{name}`",
+                part.span_of(parameter),
+                label=f"it needs {needed}",
+                help=f"write at least `{parameter}: {needed}`",
+                related=(Related(state.behavior.span, f"`{state.name}`"),),
+            )
+
+
+def _needs(case: Case, names: Iterable[str]) -> dict[tuple[str, str], tuple[float, StatePlan]]:
+    """Return the most tilt, climb and height that the states of these vehicles need, and the state
+    that needs it, by vehicle and `tilt`, `climb` or `height`. What exceeds the airframe itself is
+    left out, because KYB314 and KYB317 report it."""
+    most: dict[tuple[str, str], tuple[float, StatePlan]] = {}
+    for vehicle in (case.plan.fleet[name] for name in names):
+        flying = (s for s in vehicle.states.values() if any(AIR in leg for leg in s.legs))
+        for state in flying:
+            most.setdefault((vehicle.name, "tilt"), (atan(_HOLDING / GRAVITY), state))
+    for vehicle, state, _, footprint in case.cached(footprints):
+        is_vertical = any(GROUND in leg for leg in state.legs)
+        way = (*footprint.points, *footprint.path)
+        top, is_level = max((p[2] for p in way), default=-inf), len({p[:2] for p in way}) > 1
+        planned = getattr(state.behavior.params, "acceleration", 0.0) if is_level else 0.0
+        needs = {
+            "tilt": atan(max(footprint.acceleration, 0.5 * planned) / GRAVITY),
+            "climb": footprint.speed if is_vertical else 0.0,
+            "height": top - vehicle.start[2],
+        }
+        for what, need in needs.items():
+            able = getattr(vehicle.airframe, what, inf)
+            if able + _ROUNDING >= need > most.get((vehicle.name, what), (0.0, state))[0]:
+                most[vehicle.name, what] = need, state
+    return most
+
+
+def _caps(vehicle: VehiclePlan) -> Iterator[tuple[PartPlan, str, str]]:
+    """Yield the parameters of the driver and the tracker that limit the vehicle to less than its
+    airframe, each with what it limits."""
+    tracker = vehicle.tracker
+    yield from ((vehicle.driver, name, what) for what, name in vehicle.driver.cls.caps.items())
+    own = (name for name in ("tilt", "climb") if tracker.is_written(name))
+    yield from ((tracker, name, name) for name in own)
+
+
+def another_body(case: Case) -> Iterator[Diagnostic]:
+    """KYB561: a driver flies only one model, and the airframe is another: the gains and limits
+    would be wrong (a warning in simulation, where any airframe can carry the model's computer)."""
+    for vehicle in case.plan.vehicles:
+        driver, body = vehicle.driver, vehicle.body
+        for name, (least, most) in driver.cls.bodies.items():
+            value = getattr(vehicle.airframe, name)
+            if least <= value <= most:
+                continue
+            dimension = next(f.dimension for f in fields_of(Airframe) if f.name == name)
+            assert dimension is not None
+            own, low, high = (format_quantity(n, dimension) for n in (value, least, most))
+            yield Diagnostic(
+                "KYB561",
+                f"the airframe of `{vehicle.name}` is not that of the driver `{driver.name}`",
+                driver.span,
+                label=f"flies vehicles with a {name} of {low} to {high}",
+                notes=(f"the airframe's {name} is {own} ({body.span_of(name).at})",),
+                help="use the airframe of the vehicle that flies, or another driver",
+                related=(Related(vehicle.span, f"`{vehicle.name}`"),),
+                severity=Severity.WARNING if driver.cls.simulated else Severity.ERROR,
+            )
+            break
 
 
 class _Frame(NamedTuple):

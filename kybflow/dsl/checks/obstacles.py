@@ -1,5 +1,5 @@
 """Obstacles, and where vehicles start, fly, land and have their homes: KYB340 to KYB343, KYB345,
-KYB453, KYB546, KYB558 and KYB559."""
+KYB453, KYB546, KYB558, KYB559 and KYB563."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, th
 from kybflow.dsl.diagnostics import Diagnostic, Related, Severity
 from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, Footprint
-from kybflow.world.shapes import Box, Cylinder, Plane, Scanned, Shape
+from kybflow.world.shapes import Box, Cylinder, Plane, Scanned, Shape, Sphere
 
 _ROUNDING = 1e-6
 _START_HEIGHT = 0.05
@@ -59,6 +59,37 @@ def named_like_a_vehicle(case: Case) -> Iterator[Diagnostic]:
             message = f"an obstacle can't be called `{obstacle.name}`"
             hint = "give it another name"
             yield Diagnostic("KYB559", message, obstacle.span, taken[obstacle.name], help=hint)
+
+
+def below_the_ground(case: Case) -> Iterator[Diagnostic]:
+    """KYB563: an obstacle is below the ground, z = 0, where nothing flies into it (a warning)."""
+    for obstacle in case.plan.world.obstacles:
+        shape = case.plan.obstacles.get(obstacle.name)
+        ball = obstacle.moving_sphere
+        top = inf if shape is None else _highest(shape)
+        if ball is not None:
+            top = max(z for _, _, z in ball.along) + ball.radius
+        if top <= 0.0:
+            yield Diagnostic(
+                "KYB563",
+                f"the obstacle `{obstacle.name}` is below the ground",
+                obstacle.span,
+                label=f"its top is at z = {format_quantity(top, LENGTH)}",
+                help="raise it, or remove it",
+                severity=Severity.WARNING,
+            )
+
+
+def _highest(shape: Shape) -> float:
+    """Return the height of the highest point of a bounded shape; infinite for others."""
+    match shape:
+        case Box(_, high):
+            return high[2]
+        case Cylinder(at, _, height):
+            return at[2] + height
+        case Sphere(at, radius):
+            return at[2] + radius
+    return inf
 
 
 def starts_in_the_air(case: Case) -> Iterator[Diagnostic]:

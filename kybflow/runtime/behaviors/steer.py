@@ -75,7 +75,7 @@ class SteerParams:
     )
     lowest: Length = param(
         "Smallest height above the ground of the start.",
-        default=0.4, above=0.0, tightens="up", room="up",
+        default=0.4, above=0.0, tightens="up", room="floor",
     )  # fmt: skip
     patience: Duration = param(
         "Time to brake for a lost input, after which the behavior fails.", default=2.0, at_least=0.0

@@ -143,7 +143,7 @@ class FormationParams(FormationRoomParams):
     acceleration: Acceleration = param("Largest acceleration.", default=0.7, above=0.0)
     tolerance: Length = param(
         "Largest mean error of a settled member's distances to its nearest eight.",
-        default=0.05, above=0.0,
+        default=0.05, above=0.0, room="across",
     )  # fmt: skip
     delay: Duration = param(
         "Smallest age of the members' messages, to simulate a radio.",
@@ -185,6 +185,10 @@ class FormationSettled(BehaviorEvent):
 class Formation(Behavior[FormationParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
     axes: ClassVar[tuple[str, ...]] = AXES
     hears = True
+    agreed = (
+        "shape", "side", "points", "center", "turned", "input", "path", "leader", "offset",
+        "heading", "frame",
+    )  # fmt: skip
     own_events = (
         FormationSettled,
         NeighbourJoined,

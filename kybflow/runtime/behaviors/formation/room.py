@@ -35,8 +35,9 @@ class FormationRoomParams:
         default=0.3, above=0.0, tightens="up", room="across",
     )  # fmt: skip
     lowest: Length = param(
-        "Smallest height above the ground of the start.", default=0.4, above=0.0, tightens="up"
-    )
+        "Smallest height above the ground of the start.",
+        default=0.4, above=0.0, tightens="up", room="floor",
+    )  # fmt: skip
 
 
 def within_the_rotors(p: FormationRoomParams, context: VehicleContext) -> Iterator[Objection]:
