@@ -15,6 +15,7 @@ from harms.families import (
     physics,
     plants,
     rooms,
+    second_opinion,
     sensing,
     slips,
     structure,
@@ -26,7 +27,7 @@ from harms.operator import Operator
 
 HARMFUL = (
     slips, physics, expectations, supervisors, time_and_energy, plants, sensing, structure, fleets,
-    rooms, faults_and_callbacks, parameters, avoidance, formations, labs_and_hands,
+    rooms, faults_and_callbacks, parameters, avoidance, formations, labs_and_hands, second_opinion,
 )  # fmt: skip
 
 
@@ -34,5 +35,6 @@ def _of(module: ModuleType) -> list[Operator]:
     return [value for value in vars(module).values() if isinstance(value, Operator)]
 
 
-OPERATORS: tuple[Operator, ...] = tuple(op for module in HARMFUL for op in _of(module))
-VALID: tuple[Operator, ...] = tuple(_of(valid_variants))
+ALL = tuple(op for module in (*HARMFUL, valid_variants) for op in _of(module))
+OPERATORS: tuple[Operator, ...] = tuple(op for op in ALL if op.label != "valid")
+VALID: tuple[Operator, ...] = tuple(op for op in ALL if op.label == "valid")
