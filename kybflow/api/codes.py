@@ -145,7 +145,7 @@ _FAMILIES = {
     "Data from sensors to rotors": (301, 535),
     "Paths, limits and obstacles": (311, 340, 426, 444, 453, 510, 545, 556),
     "Gains and their margins": (323,),
-    "Estimators and failsafe": (360, 416, 439, 446),
+    "Estimators and failsafe": (360, 416, 439, 446, 566),
     "Files that parts read": (370,),
     "Printed tags": (380, 386, 422, 445),
     "Cameras": (385, 387),

@@ -1,4 +1,4 @@
-"""Data from the estimators to the driver: KYB301 to KYB304, KYB306.
+"""Data from the estimators to the driver: KYB301 to KYB304, KYB306 and KYB536.
 
 measurement ─► estimator          behavior ─► processors ─► tracker ─► driver
 """
@@ -179,6 +179,20 @@ def nothing_to_fly_by(case: Case) -> Iterator[Diagnostic]:
                 vehicle.span,
                 label=f"`{state.name}` ({state.behavior.name}) needs one",
                 help="add one under `estimators`",
+            )
+
+
+def no_watchdog(case: Case) -> Iterator[Diagnostic]:
+    """KYB536: nothing lands the vehicle if this program stops, so the preflight never passes."""
+    for vehicle in case.plan.vehicles:
+        driver = vehicle.driver
+        reason = driver.cls.watchdog(driver.params)
+        if reason is not None:
+            yield Diagnostic(
+                "KYB536",
+                f"the preflight of `{vehicle.name}` never passes: {reason}",
+                driver.span_of("watchdog"),
+                help="a vehicle must land by itself if nothing commands it",
             )
 
 

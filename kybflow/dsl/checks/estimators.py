@@ -1,5 +1,5 @@
 """Estimators that are missing, never used or not available for long: KYB255, KYB256, KYB305,
-KYB361, KYB362, KYB419 and KYB439."""
+KYB361, KYB362, KYB419, KYB439, KYB566 and KYB567."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.space import the_cameras
 from kybflow.dsl.diagnostics import Diagnostic, Severity, Text
 from kybflow.dsl.expressions.reasoning import Bounds, never_holds
-from kybflow.dsl.expressions.tree import Read, quantity
+from kybflow.dsl.expressions.tree import And, Compare, Read, quantity
 from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
 from kybflow.parts import Estimator
 
@@ -200,6 +200,49 @@ def never_begins(case: Case) -> Iterator[Diagnostic]:
                 label=f"`{part.alias}` only continues the estimate of another",
                 help="add one that measures the position, such as `mocap`, before it",
             )
+
+
+def continues_nothing(case: Case) -> Iterator[Diagnostic]:
+    """KYB566: dead reckoning, which continues the estimate of another estimator, comes first. It is
+    then used as soon as the other one has an estimate, although nothing is lost.
+
+    Vehicles with a behavior that reorders the estimators are not checked.
+    """
+    for vehicle in case.plan.vehicles:
+        if len(vehicle.estimators) < 2 or any(s.estimators for s in vehicle.states.values()):
+            continue
+        first, second = vehicle.estimators[:2]
+        if reckons(first) and not reckons(second):
+            name, other = first.part.alias, second.part.alias
+            yield Diagnostic(
+                "KYB566",
+                f"`{name}` of `{vehicle.name}` replaces `{other}` as soon as that has an estimate",
+                first.part.span,
+                label="only continues the estimate of another",
+                help=f"put `{name}` after `{other}`",
+            )
+
+
+def healthy_if_bad(case: Case) -> Iterator[Diagnostic]:
+    """KYB567: an estimator's `healthy` holds only if its estimate is old or uncertain: the
+    comparison is the wrong way round."""
+    for vehicle in case.plan.vehicles:
+        for use in vehicle.estimators:
+            healthy = use.text_of("healthy")
+            if healthy is None or not {"<", ">"} & set(healthy.text):
+                continue
+            condition = case.condition(use, "healthy", case.scopes.health(vehicle.name))
+            parts = condition.parts if isinstance(condition, And) else (condition,)
+            for part in parts:
+                match part:
+                    case Compare(">" | ">=", Read(_, name)) | Compare("<" | "<=", _, Read(_, name)):
+                        value = name.removeprefix("estimate.")
+                        yield Diagnostic(
+                            "KYB567",
+                            f"`{use.part.alias}` is healthy only if its {value} is large",
+                            healthy.span,
+                            help=f"turn the comparison round: `{value} < ...`",
+                        )
 
 
 def reckons(use: EstimatorPlan) -> bool:
