@@ -28,7 +28,7 @@ STAGES = (
 BUDGET = {
     1: {
         "simulator": 8508,
-        "engine and vehicle": 2246,
+        "engine and vehicle": 2255,
         "tracker": 1871,
         "estimator": 1866,
         "processors": 384,
@@ -38,7 +38,7 @@ BUDGET = {
     },
     8: {
         "simulator": 8065,
-        "engine and vehicle": 2053,
+        "engine and vehicle": 2055,
         "tracker": 1871,
         "estimator": 1859,
         "processors": 384,

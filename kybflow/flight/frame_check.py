@@ -115,6 +115,9 @@ MAX_UNEVEN = 1.2
 """The longest sample over the mean one from which each is weighted by its length."""
 MOST_SAMPLES, MOST_POSES = 512, 32
 """How many samples are kept for late poses, and how many poses for late samples."""
+SILENCE_NS: Time = NS // 4
+"""Time without an IMU sample after which the link to the vehicle is lost, which is another
+supervisor's business, ns."""
 MAX_UNCOMPARED_S = 1.0
 """How long poses may come in flight without one that can be compared, s."""
 MAX_SPIN = 3.0
@@ -254,6 +257,8 @@ class FrameCheck:
                 if self._expects and rotors_turn and not self.is_confirmed:
                     since = time - self.due + COMPARISON_PERIOD_NS
                     self.uncompared += since / NS if since <= MAX_GAP_NS else 0.0
+                    if time - self._newest > SILENCE_NS:
+                        self.uncompared = 0.0
                 self.due = time + COMPARISON_PERIOD_NS
                 self._poses.append(measurement)
         while self._poses and (

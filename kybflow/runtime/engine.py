@@ -156,11 +156,11 @@ class Engine:
         self._limit = self._begun + round(self.plan.time_limit * NS)
         landed_by = self._limit + round(max(LANDING_TIMEOUT, height / SLOWEST_DESCENT) * NS)
         while not self._over():
-            now = self.clock.now
-            if self.interrupts > 1:
-                return f"twice, then by {self.interrupted_by}: commands were stopped"
-            if now >= landed_by:
-                break
+            if self._landing is not None:
+                if self.interrupts > 1:
+                    return f"twice, then by {self.interrupted_by}: commands were stopped"
+                if self.clock.now >= landed_by:
+                    break
             self.tick()
         return (
             self._landing or self.injection.failure or self.impacts.first or self.excursions.first
@@ -191,12 +191,12 @@ class Engine:
         if self.plan.moving:
             self.moving.step(now)
         fleet = {vehicle.name: vehicle.sense(now) for vehicle in self.vehicles}
-        self._land_if_over(now)
+        if self.interrupts or now >= self._limit:
+            self._land_at_the_end()
         for vehicle in self.vehicles:
             vehicle.act(now, dt, fleet)
-        if self._publishing:
-            for vehicle in self._publishing:
-                vehicle.publish()
+        for vehicle in self._publishing:
+            vehicle.publish()
         if self.plan.flows:
             self.flows.step(now, dt)
         if self.events.unanswered:
@@ -296,11 +296,11 @@ class Engine:
             expression, self._believed, own, self.seconds, self.inputs.readings
         )
 
-    def _land_if_over(self, now: Time) -> None:
-        """Land every vehicle after an interrupt and at the time limit."""
+    def _land_at_the_end(self) -> None:
+        """Land every vehicle, because of an interrupt or at the time limit."""
         if self.interrupts:
             self._land(f"by {self.interrupted_by}", TWICE)
-        elif now >= self._limit:
+        else:
             self._land(f"not finished within the time limit of {self.plan.time_limit:g} s")
 
     def _land(self, reason: str, hint: str = "") -> None:
