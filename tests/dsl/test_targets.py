@@ -43,6 +43,10 @@ class Yard(Sim):
     def tracker(cls, params: Any) -> dict[str, str] | None:
         return None if params.live else {"use": "on_board", "by": "velocity"}
 
+    @classmethod
+    def watchdog(cls, params: Any) -> None:
+        """It has another one."""
+
 
 class Yards(Catalog):
     """Everything installed, `yard`, and a driver that can't be loaded."""
