@@ -161,7 +161,10 @@ def fly_plan(
             return FAILED if isinstance(error, RunUnwritten) else INVALID
         for line in outcome(flown, has_pace=plan.simulated):
             out.line(line)
-        return _report(flown, out.line, err) if report else flown.exit_code
+    if not report:
+        return flown.exit_code
+    with UnwaitedStream(sys.stdout) as out:  # all of the outcome is written
+        return _report(flown, out.line, err)
 
 
 def _panel(plan: Plan, out: UnwaitedStream) -> LivePanel:
