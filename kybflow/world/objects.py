@@ -133,8 +133,7 @@ class WorldObject(NamedTuple):
     @property
     def volume(self) -> float:
         """The volume of its box and plates, m^3."""
-        x, y, z = self.size
-        return x * y * z + sum(PLATE * s.width * s.height for s in self.surfaces)
+        return sum(8.0 * x * y * z for _, _, (x, y, z) in boxes_of(self))
 
     def placed(self, below: Placement, q: float) -> Placement:
         """Return its pose on something with the pose `below`, with its joint at `q`."""

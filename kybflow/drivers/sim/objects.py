@@ -90,8 +90,8 @@ class _Moved(NamedTuple):
 
 
 class SimulatedObjects:
-    """The objects of a MuJoCo world. names: the vehicle or the object and surface of each geom that
-    belongs to one."""
+    """The objects of a MuJoCo world. vehicles: the name of each geom's vehicle. resists: whether a
+    joint has viscous friction."""
 
     def __init__(
         self, model: Any, data: Any, objects: Mapping[str, WorldObject], vehicles: Mapping[int, str]
@@ -99,6 +99,7 @@ class SimulatedObjects:
         self._model, self._data, self._vehicles = model, data, vehicles
         self._objects = [self._moved(one) for one in in_order(objects.values())]
         self._damped = [one for one in self._objects if one.made.joint and one.made.joint.damping]
+        self.resists = bool(self._damped)
         named = ((i, model.geom(i).name) for i in range(model.ngeom))
         self._surfaces = {i: object_of(name) for i, name in named if name.startswith(OBJECT)}
         for one in self._objects:

@@ -60,7 +60,6 @@ class SimulatedWorld(Session):
             seat.context.vehicle: vehicle
             for seat, vehicle in zip(seats, self._vehicles, strict=True)
         }
-        objects = seats[0].context.objects
         self.model = _compile(seats, [vehicle.body for vehicle in self._vehicles], self._rate)
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
@@ -77,7 +76,7 @@ class SimulatedWorld(Session):
             self.apply_faults(index)
         self._contacts = Contacts(self.model, [seat.context.vehicle for seat in seats])
         self.scene = self._objects = SimulatedObjects(
-            self.model, self.data, objects, self._contacts.vehicles
+            self.model, self.data, seats[0].context.objects, self._contacts.vehicles
         )
         self._disturbed_at: Time = 0
         self._due = self._next_disturbance = 0
@@ -125,7 +124,8 @@ class SimulatedWorld(Session):
         steps = max(1, min(last, due) - onboard.steps)
         if readers and any(vehicle.is_descending for _, vehicle in readers):
             steps = 1
-        self._objects.resist(steps / self._rate)
+        if self._objects.resists:
+            self._objects.resist(steps / self._rate)
         self._stepper.advance(steps)
         self._truths = {}
         for samples in self._stepper.imu_samples() if readers else ():
