@@ -19,12 +19,13 @@ accelerometers were compared):
 
 The frame is wrong if along the vertical, or across it, the difference exceeds both of
 
-    MIN_DIFFERENCE + 4 deviations of the noise,  and  MAX_SHARE max(|a(p)|, |a(x)|)
+    MIN_DIFFERENCE + 4 deviations of the noise,  and  share max(|a(p)|, |a(x)|)
 
 in `NEEDED_COMPARISONS` comparisons in a row. The noise is that of the poses, measured by their
 second differences over three comparisons in a row, and that of the IMU. The second bound is never
 exceeded by a body that is turned by 30 degrees or a scale that is 10 % off, but by an exchanged,
-mirrored or missing axis, by a turn of 90 degrees or more, and by millimetres taken for metres.
+mirrored or missing axis, by a turn of 90 degrees or more, and by millimetres or feet taken for
+metres. A turn about the vertical changes nothing along it, so that its share there is smaller.
 
 World frame and body frame as in `kybflow.core.geometry`; metres, seconds, radians. No value of the
 simulator is used: only poses and IMU samples.
@@ -77,7 +78,9 @@ MAX_SPAN_S = 1.0
 MIN_DIFFERENCE = 0.6
 """The difference of accelerations below which nothing is wrong, m/s^2."""
 _AGREEING_SQUARE = (0.5 * MIN_DIFFERENCE) ** 2
-MAX_SHARE = 0.65
+SHARE_UP, SHARE_ACROSS = 0.4, 0.65
+"""The share of the larger acceleration below which nothing is wrong, along and across the
+vertical."""
 NEEDED_COMPARISONS = 3
 CONFIRMING_COMPARISONS = 120
 """Comparisons, 6 s with the rotors turning, that confirm a frame: a position loop that is closed
@@ -488,8 +491,8 @@ class FrameCheck:
         gx, gy, gz = felt
         seen = sx, sy, sz = gx + ex, gy + ey, gz + ez
         up, across = abs(ez), hypot(ex, ey)
-        up_bound = max(least, MAX_SHARE * max(abs(gz), abs(sz)))
-        across_bound = max(least, MAX_SHARE * max(hypot(gx, gy), hypot(sx, sy)))
+        up_bound = max(least, SHARE_UP * max(abs(gz), abs(sz)))
+        across_bound = max(least, SHARE_ACROSS * max(hypot(gx, gy), hypot(sx, sy)))
         self._upward = self._upward + 1 if up > up_bound else 0
         self._across = self._across + 1 if across > across_bound else 0
         self._pairs.append((seen, felt))

@@ -115,6 +115,40 @@ vehicles:
 SWAP = PAIR % "[-1, 0, 1]"
 
 
+ONE = """\
+vehicles:
+  a:
+    like: std.nano_plus
+    behaviors:
+      up:   {do: take_off, height: 1 m, then: over}
+      over: {do: fly_to, position: [2.5, 0, 1], then: down}
+      down: {do: land}
+on:
+  - {event: a.took_off, do: [%s]}
+"""
+IN_FLIGHT = [
+    ("{set: {a.processors.limit_speed.speed: 5 cm/s}}", "KYB475", "limit_speed.speed` is 0.05"),
+    ("{set: {a.processors.fence.margin: 1 m}}", "KYB473", "fence.margin` is 1.0 by then"),
+]
+
+
+@pytest.mark.parametrize(("action", "code", "said"), IN_FLIGHT)
+def test_a_finding_names_what_was_changed_in_flight(
+    action: str, code: str, said: str, tmp_path: Path
+) -> None:
+    [finding] = rehearsed(ONE % action, tmp_path).diagnostics
+    assert finding.code == code
+    [changed] = finding.related
+    assert changed.span.line == len((HEAD + ONE).splitlines())
+    assert said in changed.label
+
+
+def test_what_was_switched_on_again_is_not_named(tmp_path: Path) -> None:
+    back = "{disable: a.processors.limit_speed}, {enable: a.processors.limit_speed}"
+    [finding] = rehearsed(ONE % back, tmp_path, replaced("over", Drift)).diagnostics
+    assert (finding.code, finding.related) == ("KYB473", ())
+
+
 def test_two_that_swap_places_on_one_line_are_told_with_both_lines(tmp_path: Path) -> None:
     braked = rehearsed(SWAP, tmp_path)
     [hit] = rehearsed(SWAP, tmp_path, BARE).diagnostics

@@ -143,6 +143,8 @@ WRONG = {
     "metres read as mm": (frame(factor=1e-3), "times the motion: check the stream's `units`"),
     "cm read as metres": (frame(factor=100.0), "times the motion: check the stream's `units`"),
     "feet read as metres": (frame(factor=3.28), "times the motion: check the stream's `units`"),
+    "metres read as feet": (frame(factor=0.3048), "times the motion: check the stream's `units`"),
+    "half the scale": (frame(factor=0.5), "times the motion: check the stream's `units`"),
     "z-up read as y-up": (frame((0, 2, 1), (1.0, -1.0, 1.0)), "upward motion along -y"),
     "z upside down": (frame(sign=(1.0, 1.0, -1.0), stiff=True), "upward motion along -z"),
     "body turned by 90": (frame(turned=0.5 * pi), "turned by -90 deg"),

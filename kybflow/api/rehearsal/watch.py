@@ -1,12 +1,15 @@
 """Watches a rehearsal and makes findings from its events and from the vehicles' positions.
 
 For each vehicle and state it keeps the first error and the first warning. Once a vehicle has a
-finding, its built-in states add none, so that one mistake is reported once.
+finding, its built-in states add none, so that one mistake is reported once. A finding also names
+the lines of the mission that have changed options or processors of its vehicles by then.
 """
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from itertools import combinations
 from math import dist, inf
 from typing import NamedTuple
@@ -17,7 +20,7 @@ from kybflow.core.geometry import Vec3, distance, least_distance, sub
 from kybflow.core.params import named_in
 from kybflow.core.signals import Event
 from kybflow.core.units import DURATION, format_quantity
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic, Related
 from kybflow.dsl.expressions.tree import describe
 from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan
 from kybflow.parts import GROUND
@@ -60,6 +63,7 @@ class Watch:
         self._arrivals: Arrivals | None = None
         self._vehicles: dict[str, Vehicle] = {}
         self._wrong: set[str] = set()
+        self._changes: defaultdict[str, dict[str, Related]] = defaultdict(dict)
         self._before: dict[str, Vec3] = {}
         self._widest = 0.0
         self._unfinished: tuple[Waiting | None, tuple[str, ...]] = (None, ())
@@ -75,6 +79,9 @@ class Watch:
             "part_failed": self._part_failed,
             "phase_ended": self._phase_ended,
             "preflight_failed": self._preflight_failed,
+            "option_changed": self._option_changed,
+            "processor_disabled": self._processor_disabled,
+            "processor_enabled": self._processor_enabled,
         }
 
     def begin(self, engine: Engine) -> None:
@@ -267,6 +274,21 @@ class Watch:
         at = event.at or self._plan.vehicles[0].at
         self._add(findings.stays_down(event.vehicle, check, why, at, self._texts), event.vehicle)
 
+    def _option_changed(self, event: Event) -> None:
+        option, value = event.fields["option"], event.fields["value"]
+        self._change(event, str(option), f"`{option}` is {value} by then")
+
+    def _processor_disabled(self, event: Event) -> None:
+        label = f"{event.vehicle}.{event.fields['processor']}"
+        self._change(event, label, f"`{label}` is off by then")
+
+    def _processor_enabled(self, event: Event) -> None:
+        self._changes[event.vehicle].pop(f"{event.vehicle}.{event.fields['processor']}", None)
+
+    def _change(self, event: Event, what: str, label: str) -> None:
+        if event.at:
+            self._changes[event.vehicle][what] = Related(span_at(event.at, self._texts), label)
+
     def _apart(self, one: Vehicle, other: Vehicle, needed: float) -> Arrival | None:
         assert self._arrivals is not None
         return self._arrivals.apart(one, other, needed)
@@ -291,14 +313,19 @@ class Watch:
 
     def _add(self, found: Diagnostic, *about: str) -> None:
         """Keep a finding unless there is one with its code and the names `about`."""
-        self._found.setdefault((found.code, *about), found)
+        self._found.setdefault((found.code, *about), self._with_changes(found, about))
 
     def _add_in(self, state: StatePlan, vehicle: Vehicle, found: Diagnostic) -> None:
         """Keep a finding unless the vehicle has one of its severity in this state."""
         if state.built_in and vehicle.name in self._wrong:
             return
         self._wrong.add(vehicle.name)
+        found = self._with_changes(found, (vehicle.name,))
         self._found.setdefault((vehicle.name, state.name, found.severity.value), found)
+
+    def _with_changes(self, found: Diagnostic, about: Iterable[str]) -> Diagnostic:
+        changes = [one for name in about for one in self._changes.get(name, {}).values()]
+        return replace(found, related=(*found.related, *changes))
 
 
 def _half_needed(vehicle: Vehicle) -> float:
