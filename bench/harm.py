@@ -92,18 +92,18 @@ def examples(told: list[Told]) -> None:
             print(f"  told: {finding.code} at {sorted(finding.lines)}: {finding.message}")
 
 
-def unmade(told: list[Told]) -> None:
+def unmade(told: list[Told], operators: tuple[Operator, ...]) -> None:
     made = {verdict.mutant.operator for _, verdict in told}
-    for operator in OPERATORS:
+    for operator in operators:
         if operator not in made:
             print(f"no mission has a place for {operator.name}")
 
 
-def false_alarms(missions: list[Mission], folder: Path) -> None:
-    told = judged(missions, VALID, folder)
+def false_alarms(missions: list[Mission], valid: tuple[Operator, ...], folder: Path) -> None:
+    told = judged(missions, valid, folder)
     wrong = [(by, v) for by, v in told if by]
     print(
-        f"{len(told)} valid variants by {len(VALID)} operators: {len(wrong)} false alarms   goal 0"
+        f"{len(told)} valid variants by {len(valid)} operators: {len(wrong)} false alarms   goal 0"
     )
     for _, verdict in wrong[:20]:
         mutant = verdict.mutant
@@ -149,7 +149,10 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=[])
     parser.add_argument("--missions", nargs="*", default=[])
     options = parser.parse_args()
-    operators = tuple(op for op in OPERATORS if not options.only or op.name in options.only)
+    operators, valid = (
+        tuple(op for op in every if not options.only or op.name in options.only)
+        for every in (OPERATORS, VALID)
+    )
     began = process_time()
     with tempfile.TemporaryDirectory() as name:
         folder = with_library(Path(name))
@@ -163,12 +166,12 @@ def main() -> None:
         for half in ("development", "held-out", "both"):
             if options.half in ("both", half):
                 totals(told, half)
-        false_alarms(missions, folder)
+        false_alarms(missions, valid, folder)
         if options.half != "held-out":
             table(told)
         if options.show:
             examples(told)
-        unmade(told)
+        unmade(told, operators)
         if options.fly:
             flown(told, options.fly, folder, options.half)
 

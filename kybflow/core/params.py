@@ -152,9 +152,10 @@ class Field:
     direction in which the value may change in flight. names: what the value names; the compiler
     checks that it exists. reads: the function with which the compiler checks a file. limited_by:
     another parameter of the part that this one must not exceed, because the part would never
-    succeed. room: the extent of the fence with which the length is compared; the length has no
-    effect if it is more than half of the longest side (`across`) or more than the height (`up`). A
-    `floor` is also compared with the height at which the behavior is entered.
+    succeed. only_with: another parameter without which this one has no effect. room: the extent of
+    the fence with which the length is compared; the length has no effect if it is more than half of
+    the longest side (`across`) or more than the height (`up`). A `floor` is also compared with the
+    height at which the behavior is entered.
     binary: whether the file may be other than text. key: the key in YAML, if it differs from the
     name. examples: values that editors offer. each, each_examples: the help and the examples for
     each item of a list or mapping. least: the least number of items. needed: whether a file must
@@ -179,6 +180,7 @@ class Field:
     names: Named | None = None
     reads: Reads | None = None
     limited_by: str | None = None
+    only_with: str | None = None
     room: Room | None = None
     binary: bool = False
     key: str = ""
@@ -358,9 +360,11 @@ def names_in(parameters: Any, what: Named) -> Iterator[tuple[str, str]]:
 
 
 @functools.cache
-def fields_with(cls: Any, fact: Literal["limited_by", "room", "names"]) -> tuple[Field, ...]:
-    """Return the parameters of `cls` that declare `fact`."""
-    return tuple(field for field in fields_of(cls) if getattr(field, fact) is not None)
+def fields_with(
+    cls: Any, *facts: Literal["limited_by", "only_with", "room", "names"]
+) -> tuple[Field, ...]:
+    """Return the parameters of `cls` that declare any of the facts."""
+    return tuple(f for f in fields_of(cls) if any(getattr(f, fact) for fact in facts))
 
 
 def _field(cls: type, declared: dataclasses.Field[Any], hint: Any, is_language: bool) -> Field:

@@ -631,7 +631,7 @@ class InputPlan(Record):
     stuck_after: Duration | None = key(
         "Time without a change of an axis away from its centre after which the input is lost; by "
         "default that of the device, 10 s for gamepads and transmitters.",
-        default=None, above=0.0,
+        default=None, at_least=1.0,
     )  # fmt: skip
     dead_man: str | None = key(
         "The dead-man button: the vehicle brakes when it is released.", default=None

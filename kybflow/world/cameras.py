@@ -150,11 +150,11 @@ class Optics:
         default=0.0012, at_least=0.0, at_most=0.05,
     )  # fmt: skip
     covered: Ratio = param(
-        "Share of tags that something covers.", default=0.0, at_least=0.0, at_most=1.0
+        "Share of tags that something covers.", default=0.0, at_least=0.0, below=1.0
     )
     missing: Ratio = param(
         "Share of the map's tags that are not on the floor.",
-        default=0.0, at_least=0.0, at_most=1.0,
+        default=0.0, at_least=0.0, below=1.0,
     )  # fmt: skip
     misplaced: Ratio = param(
         "Share of the tags of each size that are swapped with each other, unlike in the map.",

@@ -149,6 +149,34 @@ def test_what_was_switched_on_again_is_not_named(tmp_path: Path) -> None:
     assert (finding.code, finding.related) == ("KYB473", ())
 
 
+FORGOTTEN = """\
+vehicles:
+  a:
+    like: std.nano_plus
+    behaviors:
+      up:   {do: take_off, height: 1 m}
+      down: {do: land}
+  b: {like: a, start: {at: [1, 0, 0]}}
+groups: {both: [a, b]}
+flows:
+  f:
+    phases:
+      rise: {run: {both: up}, next: [{when: all both in hover, go: fall}], within: 20 s,
+             otherwise: fall}
+      fall: {run: {%s: down}}
+"""
+
+
+def test_a_vehicle_that_nothing_lands_is_told_with_the_phase_that_forgot_it(tmp_path: Path) -> None:
+    [finding] = rehearsed(FORGOTTEN % "a", tmp_path).diagnostics
+    assert finding.code == "KYB484"
+    assert finding.severity is Severity.WARNING
+    assert "`b`" in finding.message
+    [flow] = finding.related
+    assert flow.span.line == len((HEAD + FORGOTTEN).splitlines())
+    assert not rehearsed(FORGOTTEN % "both", tmp_path).diagnostics
+
+
 def test_two_that_swap_places_on_one_line_are_told_with_both_lines(tmp_path: Path) -> None:
     braked = rehearsed(SWAP, tmp_path)
     [hit] = rehearsed(SWAP, tmp_path, BARE).diagnostics

@@ -1,4 +1,4 @@
-"""The findings of a rehearsal as diagnostics: KYB470 to KYB483.
+"""The findings of a rehearsal as diagnostics: KYB470 to KYB484.
 
 There is a function per code. `watch` decides that something is wrong; a function here describes it
 at the mission line of the vehicle that causes it, with notes on the other vehicles involved.
@@ -224,6 +224,15 @@ def too_close(
     label = f"their rotors need {format_quantity(round(needed, 2), LENGTH)}"
     hint = f"{arrival.hint}, or keep their paths apart" if arrival else "keep their paths apart"
     return Diagnostic("KYB480", said, own.span, label, (other.note,), hint, Severity.WARNING)
+
+
+def left_hovering(own: Doing, limit: float) -> Diagnostic:
+    """KYB484: after its last state a vehicle hovers until the failsafe lands it, because no
+    transition, flow or callback does (a warning)."""
+    said = f"nothing lands `{own.vehicle}` after `{own.state}`"
+    label = f"it hovers for {format_quantity(limit, DURATION)}, then the failsafe lands it"
+    hint = "let a transition or a phase land it"
+    return Diagnostic("KYB484", said, own.span, label, help=hint, severity=Severity.WARNING)
 
 
 def stays_down(vehicle: str, check: str, why: str, at: str, texts: Texts) -> Diagnostic:

@@ -64,6 +64,8 @@ class Watch:
         self._vehicles: dict[str, Vehicle] = {}
         self._wrong: set[str] = set()
         self._changes: defaultdict[str, dict[str, Related]] = defaultdict(dict)
+        self._flown: defaultdict[str, list[StatePlan]] = defaultdict(list)
+        self._ended_flows: list[Related] = []
         self._before: dict[str, Vec3] = {}
         self._widest = 0.0
         self._unfinished: tuple[Waiting | None, tuple[str, ...]] = (None, ())
@@ -73,11 +75,13 @@ class Watch:
             "clamp_started": self._clamped,
             "failsafe_started": self._failsafe,
             "behavior_failed": self._failed,
+            "behavior_started": self._started,
             "behavior_ended": self._ended,
             "behavior_waits": self._behavior_waits,
             "switch_refused": self._switch_refused,
             "part_failed": self._part_failed,
             "phase_ended": self._phase_ended,
+            "flow_ended": self._flow_ended,
             "preflight_failed": self._preflight_failed,
             "option_changed": self._option_changed,
             "processor_disabled": self._processor_disabled,
@@ -87,7 +91,6 @@ class Watch:
     def begin(self, engine: Engine) -> None:
         """Attach to an engine. Called before the engine runs."""
         self._engine, self._arrivals = engine, Arrivals(engine)
-        self._handlers["behavior_started"] = self._arrivals.started
         self._vehicles = {vehicle.name: vehicle for vehicle in engine.vehicles}
         self._widest = 2.0 * max(map(_half_needed, engine.vehicles))
 
@@ -236,6 +239,26 @@ class Watch:
         own, why = self._doing(vehicle), str(event.fields["reason"])
         found = findings.refused(own, wanted, why, event.at or own.span.at, self._texts)
         self._add(found, vehicle.name, wanted)
+
+    def _started(self, event: Event) -> None:
+        assert self._arrivals is not None
+        self._arrivals.started(event)
+        vehicle = self._vehicles[event.vehicle]
+        name, flown = vehicle.name, self._flown[vehicle.name]
+        flown.append(vehicle.plan.states[str(event.fields["behavior"])])
+        own = next((state for state in reversed(flown) if not state.built_in), None)
+        is_left = [state.name for state in flown[-2:]] == ["hover", "auto_land"]
+        is_ending = name in self._wrong or vehicle.requests.retired is not None
+        if own is not None and is_left and not is_ending:
+            found = findings.left_hovering(self._doing_in(vehicle, own), self._plan.hover_limit)
+            self._add(replace(found, related=tuple(self._ended_flows)), name)
+
+    def _flow_ended(self, event: Event) -> None:
+        flow = next(f for f in self._plan.flows if f.name == event.fields["flow"])
+        phase = flow.phases.get(str(event.fields["phase"]))
+        if phase is not None:
+            span = span_at(phase.at, self._texts)
+            self._ended_flows.append(Related(span, f"`{flow.name}` ends with this phase"))
 
     def _ended(self, event: Event) -> None:
         vehicle, how = self._vehicles[event.vehicle], event.fields["how"]

@@ -74,7 +74,7 @@ class ArdroneLinkParams:
         default=0.06, at_least=0.0, at_most=0.5, read_only=True,
     )  # fmt: skip
     take_off_time: Duration = param(
-        "Longest duration of the drone's own take-off.", default=12.0, above=0.0, read_only=True
+        "Longest duration of the drone's own take-off.", default=12.0, at_least=3.0, read_only=True
     )
 
 

@@ -1,5 +1,5 @@
 """Parameters of implausible size, such as angles of many turns and distances larger than the room:
-KYB426 to KYB429, KYB444, KYB564 and KYB565."""
+KYB426 to KYB429, KYB444, KYB564 and KYB565; and parameters without effect: KYB568."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.params import Field, fields_of, fields_with
 from kybflow.core.units import ACCELERATION, ANGLE, ANGULAR_RATE, DURATION, LENGTH, SPEED
-from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.case import Case, bounded_parameters
 from kybflow.dsl.checks.flow_places import entered_by_flows
 from kybflow.dsl.checks.limits import LIMITS
 from kybflow.dsl.checks.reachability import entries_of
@@ -93,28 +93,44 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
     """KYB427: a length is too large to have any effect inside the fence: a tolerance or a clearance
     of more than half of the fence's longest side, or a height above its top (a warning)."""
     fence = case.plan.fence
-    for part in _parts(case) if fence is not None else ():
-        for field in fields_with(part.params.__class__, "room"):
-            if fence is None or not part.is_written(field.name):
-                continue
-            is_height, value = field.room != "across", getattr(part.params, field.name)
-            extent = fence.size[2] if is_height else max(fence.size)
-            if value is None or value <= (extent if is_height else 0.5 * extent):
-                continue
-            usual, size = quantity(_usual(field), LENGTH), quantity(extent, LENGTH)
-            what = f"`{field.name}` of {quantity(value, LENGTH)}"
-            message = f"{what} leaves no room to fly inside the fence"
-            note = f"that is more than half of the fence's longest side, {size}"
-            if is_height:
-                message, note = f"{what} is higher than the fence", f"the fence is {size} high"
-            elif field.name == "tolerance":
-                message = f"with a {what}, `{part.alias}` is done almost anywhere inside the fence"
+    for _, _, part, field in case.cached(bounded_parameters) if fence is not None else ():
+        if fence is None or field.room is None or not part.is_written(field.name):
+            continue
+        is_height, value = field.room != "across", getattr(part.params, field.name)
+        extent = fence.size[2] if is_height else max(fence.size)
+        if value is None or value <= (extent if is_height else 0.5 * extent):
+            continue
+        usual, size = quantity(_usual(field), LENGTH), quantity(extent, LENGTH)
+        what = f"`{field.name}` of {quantity(value, LENGTH)}"
+        message = f"{what} leaves no room to fly inside the fence"
+        note = f"that is more than half of the fence's longest side, {size}"
+        if is_height:
+            message, note = f"{what} is higher than the fence", f"the fence is {size} high"
+        elif field.name == "tolerance":
+            message = f"with a {what}, `{part.alias}` is done almost anywhere inside the fence"
+        yield Diagnostic(
+            "KYB427",
+            message,
+            part.span_of(field.name),
+            notes=(note,),
+            help=f"write a smaller value, such as `{field.name}: {usual}`",
+            severity=Severity.WARNING,
+        )
+
+
+def without_effect(case: Case) -> Iterator[Diagnostic]:
+    """KYB568: a parameter has no effect because another one is missing, such as a `turn_rate`
+    without a `heading` (a warning)."""
+    for _, _, part, field in case.cached(bounded_parameters):
+        other = field.only_with
+        if other is None or getattr(part.params, other) is not None:
+            continue
+        if getattr(part.params, field.name) != field.default:
             yield Diagnostic(
-                "KYB427",
-                message,
+                "KYB568",
+                f"`{field.name}` has no effect without `{other}`",
                 part.span_of(field.name),
-                notes=(note,),
-                help=f"write a smaller value, such as `{field.name}: {usual}`",
+                help=f"add `{other}`, or remove `{field.name}`",
                 severity=Severity.WARNING,
             )
 
@@ -147,30 +163,27 @@ def _paths(params: Any) -> tuple[str, ...]:
 def entered_too_low(case: Case) -> Iterator[Diagnostic]:
     """KYB565: a behavior is entered below the smallest height at which it flies, so it can't obey
     until the vehicle has climbed (a warning)."""
-    for vehicle, state in case.states():
-        part = state.behavior
-        for field in fields_with(part.params.__class__, "room"):
-            if field.room != "floor" or not part.is_written(field.name):
-                continue
-            least = vehicle.start[2] + getattr(part.params, field.name)
-            own = (
-                entries_of(vehicle)[state.name].points if state.name in entries_of(vehicle) else ()
+    for vehicle, state, part, field in case.cached(bounded_parameters):
+        if field.room != "floor" or state is None or not part.is_written(field.name):
+            continue
+        least = vehicle.start[2] + getattr(part.params, field.name)
+        entries = entries_of(vehicle).get(state.name)
+        flown = (
+            point
+            for other, name, point in case.cached(entered_by_flows)
+            if (other, name) == (vehicle, state.name)
+        )
+        points = (*(entries.points if entries else ()), *flown)
+        low = next((point for point in points if point[2] < least - _ROUNDING), None)
+        if low is not None:
+            yield Diagnostic(
+                "KYB565",
+                f"`{state.name}` is entered below its `{field.name}`",
+                part.span_of(field.name),
+                label=f"entered {quantity(low[2] - vehicle.start[2], LENGTH)} above the start",
+                help=f"climb higher first, or reduce `{field.name}`",
+                severity=Severity.WARNING,
             )
-            flown = (
-                p
-                for v, name, p in case.cached(entered_by_flows)
-                if (v, name) == (vehicle, state.name)
-            )
-            low = next((p for p in (*own, *flown) if p[2] < least - _ROUNDING), None)
-            if low is not None:
-                yield Diagnostic(
-                    "KYB565",
-                    f"`{state.name}` is entered below its `{field.name}`",
-                    part.span_of(field.name),
-                    label=f"entered {quantity(low[2] - vehicle.start[2], LENGTH)} above the start",
-                    help=f"climb higher first, or reduce `{field.name}`",
-                    severity=Severity.WARNING,
-                )
 
 
 def _parts(case: Case) -> Iterator[PartPlan]:
@@ -243,15 +256,14 @@ def crawls(case: Case) -> Iterator[Diagnostic]:
 
 
 def hardly_climbs(case: Case) -> Iterator[Diagnostic]:
-    """KYB444: a take-off climbs less than 10 cm, so the vehicle may still be on the ground (a
-    warning)."""
+    """KYB444: a take-off climbs less than 10 cm, or counts as done on the ground because its
+    tolerance is as large as its climb, so the vehicle may still be on the ground (a warning)."""
     for _, state, entry, footprint in case.cached(footprints):
         legs = state.behavior.cls.flight
         if (GROUND, AIR) not in legs or entry is None or footprint.exit is None:
             continue
-        climb = footprint.exit[2] - entry[2]
+        climb, part = footprint.exit[2] - entry[2], state.behavior
         if climb < _MIN_CLIMB - _ROUNDING:
-            part = state.behavior
             lengths = [f.name for f in part.fields if f.dimension is LENGTH and f.required]
             written = (part.span_of(name) for name in lengths if part.is_written(name))
             yield Diagnostic(
@@ -262,3 +274,14 @@ def hardly_climbs(case: Case) -> Iterator[Diagnostic]:
                 help="climb higher: one metre is clear of the ground",
                 severity=Severity.WARNING,
             )
+        for field in fields_with(part.params.__class__, "room"):
+            if field.room == "up" and getattr(part.params, field.name) >= climb:
+                yield Diagnostic(
+                    "KYB444",
+                    f"`{state.name}` counts as done on the ground",
+                    part.span_of(field.name),
+                    label=f"it climbs only {quantity(climb, LENGTH)}",
+                    help=f"write a smaller value, such as `{field.name}: "
+                    f"{quantity(_usual(field), LENGTH)}`",
+                    severity=Severity.WARNING,
+                )

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from math import inf
 from typing import Any
 
-from kybflow.core.params import fields_of, fields_with
+from kybflow.core.params import fields_of
 from kybflow.core.units import DURATION, RATIO, format_quantity
 from kybflow.dsl.checks.barriers import flow_ways
-from kybflow.dsl.checks.case import Case
+from kybflow.dsl.checks.case import Case, bounded_parameters
 from kybflow.dsl.checks.durations import (
     Way,
     blamed,
@@ -200,23 +200,22 @@ def beyond_the_time_limit(case: Case) -> Iterator[Diagnostic]:
 def longer_than_its_patience(case: Case) -> Iterator[Diagnostic]:
     """KYB433: a parameter exceeds the parameter that limits it, so the behavior always fails: for
     example, it must stay at its goal longer than its timeout."""
-    for _, state in case.states():
-        part = state.behavior
-        for field in fields_with(part.params.__class__, "limited_by"):
-            assert field.limited_by is not None
-            own, most = getattr(part.params, field.name), getattr(part.params, field.limited_by)
-            if own is None or most is None or own <= most or field.dimension is None:
-                continue
-            written = [n for n in (field.name, field.limited_by) if part.is_written(n)]
-            shown = [format_quantity(value, field.dimension) for value in (own, most)]
-            yield Diagnostic(
-                "KYB433",
-                f"`{state.name}` ({part.name}) always fails",
-                part.span_of(*written[:1]),
-                label=f"its `{field.name}` of {shown[0]} exceeds its `{field.limited_by}`",
-                notes=(f"`{field.limited_by}` is {shown[1]}",),
-                help=f"make `{field.name}` smaller than `{field.limited_by}`",
-            )
+    for _, state, part, field in case.cached(bounded_parameters):
+        if field.limited_by is None or state is None:
+            continue
+        own, most = getattr(part.params, field.name), getattr(part.params, field.limited_by)
+        if own is None or most is None or own <= most or field.dimension is None:
+            continue
+        written = [n for n in (field.name, field.limited_by) if part.is_written(n)]
+        shown = [format_quantity(value, field.dimension) for value in (own, most)]
+        yield Diagnostic(
+            "KYB433",
+            f"`{state.name}` ({part.name}) always fails",
+            part.span_of(*written[:1]),
+            label=f"its `{field.name}` of {shown[0]} exceeds its `{field.limited_by}`",
+            notes=(f"`{field.limited_by}` is {shown[1]}",),
+            help=f"make `{field.name}` smaller than `{field.limited_by}`",
+        )
 
 
 def longer_than_the_mission(case: Case) -> Iterator[Diagnostic]:

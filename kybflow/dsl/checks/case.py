@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TYPE_CHECKING, NamedTuple, TypeVar, cast
 
 from kybflow.core.errors import PartError
+from kybflow.core.params import Field, fields_with
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics import Diagnostic, Text, goals_like
 from kybflow.dsl.expressions import Condition, Expression, Scope, parse
 from kybflow.dsl.expressions.tokens import KEYWORDS
 from kybflow.dsl.language.records import Record
 from kybflow.dsl.names import BUILT_IN, Scopes
-from kybflow.dsl.plan import Plan, StatePlan, TransitionPlan, VehiclePlan
+from kybflow.dsl.plan import PartPlan, Plan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.flight.loops.position_loop import delay_margin
 from kybflow.parts import Behavior, Flight, Leg
 from kybflow.world.vehicle_context import VehicleContext
@@ -159,6 +160,29 @@ def no_state(code: str, name: Text, vehicle: VehiclePlan, more: tuple[str, ...] 
         label="unknown",
         help=did_you_mean(name.text, (*vehicle.known[key], *more)),
     )
+
+
+class Bounded(NamedTuple):
+    """A parameter whose declaration says more than bounds (`limited_by`, `only_with`, `room`), of a
+    behavior or a processor. state: None for a processor."""
+
+    vehicle: VehiclePlan
+    state: StatePlan | None
+    part: PartPlan
+    field: Field
+
+
+def bounded_parameters(case: Case) -> Iterator[Bounded]:
+    """Yield every parameter of the behaviors and processors that other values bound."""
+    for vehicle in case.plan.vehicles:
+        for state in vehicle.states.values():
+            for field in fields_with(
+                state.behavior.params.__class__, "limited_by", "only_with", "room"
+            ):
+                yield Bounded(vehicle, state, state.behavior, field)
+        for part in vehicle.processors:
+            for field in fields_with(part.params.__class__, "limited_by", "only_with", "room"):
+                yield Bounded(vehicle, None, part, field)
 
 
 def contexts(case: Case) -> Iterator[tuple[VehiclePlan, VehicleContext]]:

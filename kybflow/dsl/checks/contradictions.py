@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from itertools import chain, combinations
 from typing import Literal, NamedTuple
 
+from kybflow.core.units import LENGTH
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.envelopes import reaches_of
 from kybflow.dsl.diagnostics import Diagnostic, Related, Span, Text
@@ -13,6 +14,8 @@ from kybflow.dsl.expressions import tree
 from kybflow.dsl.expressions.reasoning import never_holds
 
 _When = Literal["every", "some", "last"]
+_ON_THE_FLOOR = 0.3
+"""How much higher than the floor an estimate of a landed vehicle may be, m."""
 
 
 class _Claim(NamedTuple):
@@ -35,11 +38,15 @@ def contradictory(case: Case) -> Iterator[Diagnostic]:
 
     An `always` holds in every tick, and so does the bound of a `max(...) <` or a `min(...) >`,
     perhaps in one state. An `eventually` and the other statistics need a tick in which their
-    condition holds, and a `finally` needs the last one.
+    condition holds, and a `finally` needs the last one. Where there are no obstacles, a vehicle in
+    `landed` is no higher than the highest start.
     """
     if len(case.plan.expect) < 2:
         return
     claims = [claim for text, found in case.expected() for claim in _claims(text, found)]
+    if not (case.plan.obstacles or case.plan.moving):
+        floor = max(vehicle.start[2] for vehicle in case.plan.vehicles) + _ON_THE_FLOOR
+        claims = [_grounded(claim, floor) for claim in claims]
     told, certain = set[Span](), reaches_of(case)(None).certain
     alike: dict[object, list[_Claim]] = {}
     for claim in claims:
@@ -91,6 +98,19 @@ def _claims(text: Text, expression: tree.Expression) -> list[_Claim]:
                 claims.append(_Claim(text, "every", every, about, state, operator[0]))
             return claims
     return []
+
+
+def _grounded(claim: _Claim, floor: float) -> _Claim:
+    """Return the claim; if it is that a vehicle has landed at the end, also that it is no higher
+    than `floor` (m)."""
+    match claim:
+        case _Claim(when="last", condition=tree.InState(vehicle, "landed")):
+            altitude = tree.Read(vehicle, "state.altitude")
+            low = tree.Compare("<", altitude, tree.Quantity(floor, LENGTH))
+            return claim._replace(
+                condition=tree.And((claim.condition, low)), about=claim.about | {altitude}
+            )
+    return claim
 
 
 def _subjects(condition: tree.Condition) -> frozenset[object]:

@@ -1,5 +1,5 @@
 """Conditions and expectations whose result is known before the flight: KYB253, KYB254, KYB410 to
-KYB414 and KYB423 to KYB425."""
+KYB414, KYB423 to KYB425, KYB569 and KYB576."""
 
 from __future__ import annotations
 
@@ -11,11 +11,16 @@ from typing import NamedTuple
 
 from kybflow.core.units import DURATION, LENGTH, Dimension, format_quantity
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.conditions import TypedCondition, all_conditions, named_states, nodes
+from kybflow.dsl.checks.conditions import (
+    TypedCondition,
+    all_conditions,
+    named_states,
+    nodes,
+)
 from kybflow.dsl.checks.durations import disturbances, longest_time
 from kybflow.dsl.checks.envelopes import reaches_of
 from kybflow.dsl.checks.flows import phases
-from kybflow.dsl.diagnostics import Diagnostic, Severity, Span, Text
+from kybflow.dsl.diagnostics import Diagnostic, Related, Severity, Span, Text
 from kybflow.dsl.expanding.flows import written
 from kybflow.dsl.expressions import (
     tree,
@@ -32,6 +37,10 @@ from kybflow.parts import AIR
 
 _OF_STATES = re.compile(r"\b(?:in|behavior|elapsed)\b")
 """Words of a condition whose result may depend on the state that evaluates it."""
+
+
+_FAILING = frozenset({"failed", "within"})
+"""The causes of transitions that follow a failure."""
 
 
 class _Decided(NamedTuple):
@@ -85,25 +94,34 @@ def _asked_in(
 ) -> _Asked:
     own, where = vehicle.name, transition.since or state.name
     condition = case.condition(transition, "when", case.scopes.condition(own))
-    # callbacks and requests with values may change how long a state lasts
-    is_other = case.cached(disturbances) or (vehicle.requested and any(case.cached(_valued)))
-    longest = inf if transition.since or is_other else longest_time(vehicle, state)
+    longest = inf if transition.since else _longest(case, vehicle, state)
     if condition is None:
         return _Asked(text, None)
-    here = (
-        tree.InState(own, where),
-        tree.Compare("==", tree.Read(None, "behavior"), tree.Word(where)),
-    )
+    here = _is_in(own, where)
     bounds = _within(own, longest, reaches_of(case)(own).usual)
     why = f"evaluated in `{where}`, and a vehicle is in one state at a time"
     hint = "test another vehicle's state or an event, or remove this transition"
     if longest < inf and "elapsed" in text.text:
         why = f"`{where}` has ended by then: it lasts at most {quantity(longest, DURATION)}"
         hint = "shorten the time, or let the behavior last longer"
-    if never_holds(tree.And((condition, *here)), bounds):
+    if never_holds(tree.And((condition, here)), bounds):
         return _Asked(text, False, why, hint)
-    always = never_holds(tree.And((tree.Not(condition), *here)), bounds)
+    always = never_holds(tree.And((tree.Not(condition), here)), bounds)
     return _Asked(text, True if always else None, why)
+
+
+def _longest(case: Case, vehicle: VehiclePlan, state: StatePlan) -> float:
+    """Return the seconds after which a state has certainly ended; infinite if unknown, as when
+    callbacks or requests with values may change how long it lasts."""
+    if case.cached(disturbances) or (vehicle.requested and any(case.cached(_valued))):
+        return inf
+    return longest_time(vehicle, state)
+
+
+def _is_in(vehicle: str, state: str) -> tree.Condition:
+    """Return the condition that a vehicle is in a state."""
+    behavior = tree.Compare("==", tree.Read(None, "behavior"), tree.Word(state))
+    return tree.And((tree.InState(vehicle, state), behavior))
 
 
 def _valued(case: Case) -> Iterator[bool]:
@@ -136,6 +154,70 @@ def never_true_there(case: Case) -> Iterator[Diagnostic]:
                 notes=(asked.why,),
                 help=asked.hint,
             )
+
+
+def never_injected(case: Case) -> Iterator[Diagnostic]:
+    """KYB576: the `when` of a fault can't hold in any state of its vehicle: it requires the vehicle
+    to be in a state for longer than that lasts."""
+    told = {one.typed.text.span for one in case.cached(_decided)}
+    for fault in case.plan.faults:
+        text, vehicle = fault.text_of("when"), case.plan.fleet.get(fault.vehicle)
+        if text is None or vehicle is None or text.span in told or "elapsed" not in text.text:
+            continue
+        condition = case.condition(fault, "when", case.scopes.condition(fault.vehicle))
+        if condition is None:
+            continue
+        usual = reaches_of(case)(fault.vehicle).usual
+        if all(
+            never_holds(
+                tree.And((condition, _is_in(vehicle.name, state.name))),
+                _within(vehicle.name, _longest(case, vehicle, state), usual),
+            )
+            for state in vehicle.states.values()
+        ):
+            yield Diagnostic(
+                "KYB576",
+                f"`{text.as_written}` holds in no state of `{vehicle.name}`",
+                text.span,
+                label="the fault is never injected",
+                notes=("each state has ended by then",),
+                help="shorten the time, or let the behavior last longer",
+            )
+
+
+def of_failures_only(case: Case) -> Iterator[Diagnostic]:
+    """KYB569: an expectation is about a state to which only failures lead, in a mission without
+    faults, so that it says nothing of a normal flight (a warning)."""
+    if case.plan.faults:
+        return
+    for text, expression in case.expected():
+        match expression:
+            case tree.Compare(left=tree.Aggregate(_, _, str(name), str(state))):
+                vehicle = case.plan.fleet[name]
+                if state not in vehicle.states or state in _in_order(vehicle):
+                    continue
+                if vehicle.requested or case.cached(disturbances):
+                    continue
+                yield Diagnostic(
+                    "KYB569",
+                    f"`{name}` is in `{state}` only after a failure",
+                    text.span,
+                    label="says nothing of a normal flight",
+                    help="name another state, or add a fault that leads there",
+                    severity=Severity.WARNING,
+                    related=(Related(vehicle.states[state].behavior.span, f"`{state}`"),),
+                )
+
+
+def _in_order(vehicle: VehiclePlan) -> frozenset[str]:
+    """Return the states to which more than failures lead, and those that nothing leads to."""
+    if "in order" not in vehicle.known:
+        every = [(t.target, t.cause) for s in vehicle.states.values() for t in s.transitions]
+        usual = {target for target, cause in every if cause not in _FAILING}
+        failing = {target for target, _ in every} - usual - {vehicle.begin}
+        vehicle.known["in order"] = frozenset(vehicle.states.keys() - failing)
+    found: frozenset[str] = vehicle.known["in order"]
+    return found
 
 
 def always_true_there(case: Case) -> Iterator[Diagnostic]:

@@ -11,7 +11,7 @@ from kybflow.core.signals import Frame, Imu, Pose
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.space import the_cameras
+from kybflow.dsl.checks.space import the_cameras, the_loop
 from kybflow.dsl.diagnostics import Diagnostic, Severity, Text
 from kybflow.dsl.expressions.reasoning import Bounds, never_holds
 from kybflow.dsl.expressions.tree import And, Compare, Read, quantity
@@ -138,7 +138,7 @@ def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
                 label=f"its estimate is {quantity(most, DURATION)} old before the next measurement",
                 help=f"allow for missing measurements: `age < {allowed}`",
                 severity=Severity.ERROR if is_never else Severity.WARNING,
-                related=the_cameras(vehicle),
+                related=(*the_cameras(vehicle), *the_loop(vehicle)),
             )
 
 

@@ -171,7 +171,8 @@ def too_strong(case: Case) -> Iterator[Diagnostic]:
     """KYB457: a fault is stronger than the vehicle can withstand (a warning).
 
     The rotors must lift the vehicle with what the fault adds, and its largest tilt must withstand
-    the horizontal push: g tan(tilt) against the drag of the wind plus a push. Weak rotors and wrong
+    the horizontal push: g tan(tilt) against the drag of the wind plus a push. If a rotor is weak,
+    the other three can give no more thrust than this one, or the vehicle would tip or spin. Wrong
     sensors are not judged, because such missions test their effect.
     """
     for fault in case.plan.faults:
@@ -183,8 +184,10 @@ def too_strong(case: Case) -> Iterator[Diagnostic]:
         wx, wy, _ = add(air.wind, active.wind(_FULL_STRENGTH_NS))
         heavy = (active.mass * frame.mass * (1.0 - up / GRAVITY) + active.payload) * GRAVITY
         why = _pushed(frame, hypot(frame.drag * wx + px, frame.drag * wy + py))
-        if heavy > frame.max_thrust:
-            why = f"its rotors lift {frame.max_thrust:.3g} N, but it weighs {heavy:.3g} N"
+        lift = frame.max_thrust * min(active.rotors)
+        if heavy > lift:
+            balanced = "" if lift == frame.max_thrust else "in balance with the weak one, "
+            why = f"{balanced}its rotors lift {lift:.3g} N, but it weighs {heavy:.3g} N"
         if not why:
             continue
         yield Diagnostic(

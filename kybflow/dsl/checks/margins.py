@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.estimators import latency_allowed
+from kybflow.dsl.checks.space import the_loop
 from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.flight.loops.margins import Margins, in_words
@@ -113,6 +114,7 @@ def _finding(code: str, loop: _Closed) -> Diagnostic:
         label=in_words(loop.margins),
         notes=tuple(notes),
         help=hint,
+        related=the_loop(loop.vehicle),
     )
 
 

@@ -4,6 +4,7 @@ KYB320 to KYB322 and KYB372."""
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import hypot
 
 from kybflow.core.geometry import ZERO, Vec3, distance
@@ -216,6 +217,20 @@ def the_cameras(vehicle: VehiclePlan) -> tuple[Related, ...]:
     """Return the source locations of the vehicle's cameras that the mission itself describes."""
     own = (use for use in vehicle.body.cameras if use.span.file == vehicle.span.file)
     return tuple(Related(use.span, f"its camera `{use.name}`") for use in own)
+
+
+def the_loop(vehicle: VehiclePlan) -> tuple[Related, ...]:
+    """Return the source locations of the parameters with which the mission changes the driver's
+    on-board loop, or the rate or the latency of its poses."""
+    driver, frame = vehicle.driver, vehicle.airframe
+    inner = driver.cls.inner_loop(driver.params, frame)
+    changed = []
+    for field in driver.fields:
+        if driver.is_written(field.key) and not field.required:
+            usual = replace(driver.params, **{field.name: field.default})
+            if driver.cls.inner_loop(usual, frame) != inner:
+                changed.append(Related(driver.span_of(field.key), f"the driver's `{field.key}`"))
+    return tuple(changed)
 
 
 def values_of(part: PartPlan) -> tuple[Related, ...]:

@@ -6,17 +6,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from math import sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import Reaction
 from kybflow.core.units import LENGTH, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case, contexts, transitions_of
 from kybflow.dsl.checks.estimators import latency_allowed
-from kybflow.dsl.checks.space import footprints
-from kybflow.dsl.diagnostics import Diagnostic, Severity
-from kybflow.dsl.plan import PartPlan
+from kybflow.dsl.checks.space import footprints, the_loop
+from kybflow.dsl.diagnostics import Diagnostic, Related, Severity
+from kybflow.dsl.plan import PartPlan, VehiclePlan
 from kybflow.parts import Objection
+from kybflow.world.vehicle_context import InnerLoop
 
 
 def crossed_at_once(case: Case) -> Iterator[Diagnostic]:
@@ -25,36 +26,61 @@ def crossed_at_once(case: Case) -> Iterator[Diagnostic]:
     For example, it is shorter than a tick, more precise than any estimate, or wider than the
     distance between the vehicles' starts. Each part decides that for itself.
     """
-    for part, objection in case.cached(_objections):
-        if not objection.is_doubt:
-            yield _finding("KYB416", part, objection, Severity.ERROR)
+    for objected in case.cached(_objections):
+        if not objected.objection.is_doubt:
+            yield _finding("KYB416", objected, Severity.ERROR)
 
 
 def of_little_help(case: Case) -> Iterator[Diagnostic]:
     """KYB417: a bound of a supervisor or a processor is never crossed, crossed too late to help, or
     crossed in normal flights (a warning)."""
-    for part, objection in case.cached(_objections):
-        if objection.is_doubt:
-            yield _finding("KYB417", part, objection, Severity.WARNING)
+    for objected in case.cached(_objections):
+        if objected.objection.is_doubt:
+            yield _finding("KYB417", objected, Severity.WARNING)
 
 
-def _objections(case: Case) -> Iterator[tuple[PartPlan, Objection]]:
+class _Objected(NamedTuple):
+    """An objection of a part, and the other places in the mission that it follows from."""
+
+    part: PartPlan
+    objection: Objection
+    related: tuple[Related, ...]
+
+
+def _objections(case: Case) -> Iterator[_Objected]:
     for vehicle, own in case.cached(contexts):
         context, allowed = own, latency_allowed(case, vehicle)
         if allowed is not None and own.loop is not None:
             context = own._replace(loop=own.loop._replace(pose_latency=allowed))
         for part in (*vehicle.supervisors, *vehicle.processors):
             for objection in part.cls.objections(part.params, context):
-                yield part, objection
+                related = the_loop(vehicle)
+                if related and objection in part.cls.objections(
+                    part.params, own._replace(loop=_usual_loop(vehicle))
+                ):
+                    related = ()
+                yield _Objected(part, objection, related)
 
 
-def _finding(code: str, part: PartPlan, objection: Objection, severity: Severity) -> Diagnostic:
+def _usual_loop(vehicle: VehiclePlan) -> InnerLoop | None:
+    """Return the on-board loop of a vehicle whose driver has its default parameters."""
+    driver = vehicle.driver
+    usual = {f.name: f.default for f in driver.fields if not f.required}
+    loop: InnerLoop | None = driver.cls.inner_loop(
+        replace(driver.params, **usual), vehicle.airframe
+    )
+    return loop
+
+
+def _finding(code: str, objected: _Objected, severity: Severity) -> Diagnostic:
+    part, objection, related = objected
     return Diagnostic(
         code,
         f"`{objection.parameter}` of `{part.alias}` {objection.reason}",
         part.span_of(objection.parameter),
         help=objection.hint,
         severity=severity,
+        related=related,
     )
 
 

@@ -40,8 +40,9 @@ class FlyToParams:
         "Heading at the goal; by default the heading is kept.", default=None, read_only=True
     )
     turn_rate: AngularRate = param(
-        "Largest rate of turning to the heading.", default=1.0, above=0.0, read_only=True
-    )
+        "Largest rate of turning to the heading.",
+        default=1.0, above=0.0, read_only=True, only_with="heading",
+    )  # fmt: skip
     tolerance: Length = param(
         "Distance from the goal that counts as arrived.", default=0.02, above=0.0, room="across"
     )

@@ -36,8 +36,9 @@ class FollowPathParams:
         "Heading on the path; by default the heading is kept.", default=None, read_only=True
     )
     turn_rate: AngularRate = param(
-        "Largest rate of turning to the heading.", default=1.0, above=0.0, read_only=True
-    )
+        "Largest rate of turning to the heading.",
+        default=1.0, above=0.0, read_only=True, only_with="heading",
+    )  # fmt: skip
     heading_tolerance: Angle | None = param(
         "Heading error that counts as arrived at a corner; by default any heading does.",
         default=None, above=0.0,
