@@ -32,7 +32,8 @@ from kybflow.runtime.engine import Engine, Observer
 from kybflow.runtime.events import Events, VehicleObserver
 from kybflow.runtime.fleet.broadcasts import Broadcasts
 from kybflow.runtime.fleet.inputs import Inputs, NoteInput, unnoted
-from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
+from kybflow.runtime.fleet.moving_obstacles import moving_obstacles
+from kybflow.runtime.fleet.tracked_objects import tracked_objects
 from kybflow.runtime.monitoring.bodies import Bodies
 from kybflow.runtime.monitoring.cameras import EstimateHistory
 from kybflow.runtime.monitoring.sensing import OpenSensor
@@ -41,10 +42,13 @@ from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.requests import EntryJudge
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.sensors.simulated_motion_capture import (
-    SimulatedBall,
+    ObjectTruths,
+    SimulatedBody,
     SimulatedMotionCapture,
     SimulatedMotionCaptureParams,
+    truth_of,
 )
+from kybflow.world.shapes import MovingSphere
 from kybflow.world.vehicle_context import VehicleContext
 
 NOTHING: Mapping[str, str] = MappingProxyType({})
@@ -54,8 +58,8 @@ _SIMULATED = PartPlan(
     SimulatedMotionCaptureParams(),
     "simulated_motion_capture",
 )
-"""The motion capture that tracks moving obstacles if all vehicles are simulated and no vehicle has
-a system that could see the obstacles."""
+"""The motion capture that tracks moving obstacles and objects if all vehicles are simulated and no
+vehicle has a system that could see them."""
 
 
 class Devices(NamedTuple):
@@ -63,8 +67,8 @@ class Devices(NamedTuple):
 
     sessions: the sessions of the drivers. sensors: for each vehicle, the sensors that its driver
     doesn't open. inputs: the input devices, by name. vehicles: the vehicles that use the devices,
-    by name; inputs may read their sticks. watching: the pose stream of each moving obstacle, by
-    name.
+    by name; inputs may read their sticks. watching: the pose stream of each moving obstacle and
+    object, by name.
     """
 
     sessions: list[Session]
@@ -144,12 +148,15 @@ def open_devices(plan: Plan, seed: int, again: Mapping[str, str] = NOTHING) -> D
                 own = random.Random(f"{seed} {vehicle.name} {sensor.part.label}")
                 opened.append(OpenSensor(sensor, _stream(sensor.part, context, own, link)))
         context = context_of(plan, plan.vehicles[0])
-        for name, ball in plan.moving.items():
+        scenes = (session.scene for session in devices.sessions if session.scene is not None)
+        objects = ObjectTruths(plan.objects, next(scenes, None))
+        for name, body in plan.tracked.items():
             tracked, part = plan.watching.get(name, ("", _SIMULATED))
             own = random.Random(f"{seed} obstacle {name}")
             opens = partial(_stream, part, context._replace(vehicle=name), own)
+            truth = truth_of(body) if isinstance(body, MovingSphere) else objects.of(name)
             is_simulated = part.cls.simulated
-            stream = SimulatedBall(ball, opens) if is_simulated else opens(links[tracked])
+            stream = SimulatedBody(truth, opens) if is_simulated else opens(links[tracked])
             devices.watching[name] = stream
         for plan_input in plan.inputs:
             devices.inputs[plan_input.name] = _input(plan_input, devices, again)
@@ -231,7 +238,8 @@ def assemble(
     inputs = Inputs(plan.inputs, devices.inputs, events, note)
     behaviors = {state.behavior.cls for v in plan.vehicles for state in v.states.values()}
     broadcasts = Broadcasts() if any(cls.hears for cls in behaviors) else None
-    moving = MovingObstacles(plan.moving, events, devices.watching)
+    moving = moving_obstacles(plan.moving, events, devices.watching)
+    objects = tracked_objects(plan.objects, events, devices.watching)
     settable = Options(devices.vehicles, events, OptionJudge(plan))
     for vehicle in plan.vehicles:
         name, context = vehicle.name, context_of(plan, vehicle)
@@ -242,7 +250,7 @@ def assemble(
         )  # fmt: skip
     engine = Engine(
         plan, clock, devices.sessions, [*devices.vehicles.values()], events, settable, inputs,
-        moving, observers, seed, commands, interrupts,
+        moving, objects, observers, seed, commands, interrupts,
     )  # fmt: skip
     for option, value in options:
         settable.set(option, value, "command line")

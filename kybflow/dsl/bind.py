@@ -78,8 +78,8 @@ def bind(plan: Plan, catalog: Catalog, sources: tuple[SourceFile, ...], resolved
         sources=(*sources, *attachments_of(plan)),
         resolved=resolved,
         watching={
-            name: (seen[0].name, seen[1].but(params=seen[2], label=f"obstacles.{name}"))
-            for name in plan.moving
+            name: (seen[0].name, seen[1].but(params=seen[2], label=f"tracked.{name}"))
+            for name in plan.tracked
             if (seen := plan.tracked_by(name)) is not None
         },
         tags=TagMap(tag for entry in plan.world.tags for tag in entry.tags),

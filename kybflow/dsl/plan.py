@@ -942,8 +942,8 @@ class Plan(Shared):
     touchable: frozenset[str] = frozenset()
     """The obstacles that vehicles may touch."""
     watching: dict[str, tuple[str, PartPlan]] = field(default_factory=dict)
-    """The vehicle's name and the sensor that tracks each moving obstacle, by the obstacle's name. A
-    moving obstacle without an entry is simulated."""
+    """The vehicle's name and the sensor that tracks each moving obstacle and each object, by name.
+    One without an entry is simulated."""
     points: dict[str, Vec3] = field(default_factory=dict)
     tags: TagMap = NO_TAGS
     files: tuple[File, ...] = ()
@@ -974,10 +974,15 @@ class Plan(Shared):
         """The obstacles that vehicles keep away from."""
         return tuple(n for n in (*self.obstacles, *self.moving) if n not in self.touchable)
 
-    def tracked_by(self, moving: str) -> tuple[VehiclePlan, PartPlan, Any] | None:
-        """Return the first sensor that can track a moving obstacle: its vehicle, the part, and the
-        part's parameters for tracking. None if there is no such sensor."""
-        body = self.moving[moving].body or moving
+    @functools.cached_property
+    def tracked(self) -> dict[str, MovingSphere | WorldObject]:
+        """The moving obstacles and the objects that move by themselves, by name."""
+        return {**self.moving, **{name: one for name, one in self.objects.items() if one.moves}}
+
+    def tracked_by(self, name: str) -> tuple[VehiclePlan, PartPlan, Any] | None:
+        """Return the first sensor that can track a moving obstacle or an object: its vehicle, the
+        part, and the part's parameters for tracking. None if there is no such sensor."""
+        body = self.tracked[name].body or name
         for vehicle in self.vehicles:
             for part in (sensor.part for sensor in vehicle.sensors):
                 if part.cls.tracks_bodies:

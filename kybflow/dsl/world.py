@@ -283,6 +283,7 @@ class ObjectParams(Record):
     surfaces: Annotated[tuple[SurfaceParams, ...], NAMED] = key(
         "Surfaces at which vehicles push it, by name.", default=()
     )
+    body: str | None = key("Its name in motion capture; by default its name here.", default=None)
 
     @property
     def made(self) -> WorldObject:
@@ -291,6 +292,7 @@ class ObjectParams(Record):
         return WorldObject(
             self.name, self.at, self.size, self.mass, self.on, self.heading,
             self.slide or self.turn, self.grip, tuple(surfaces),
+            self.body,
         )  # fmt: skip
 
 

@@ -395,6 +395,19 @@ class ObstacleFound(RunEvent):
     obstacle: str
 
 
+class ObjectLost(RunEvent):
+    """Motion capture no longer sees an object of the world."""
+
+    object: str
+    reason: str
+
+
+class ObjectFound(RunEvent):
+    """An object that was lost is seen again."""
+
+    object: str
+
+
 class ControlTaken(VehicleEvent):
     """A pilot has taken the vehicle over; kybflow sends it no commands."""
 

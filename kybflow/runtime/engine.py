@@ -1,7 +1,7 @@
 """The engine runs every vehicle tick by tick. It controls time and the order of execution, and
 handles failures.
 
-now ─► 0. the run: events, inputs, commands, options, faults, moving obstacles
+now ─► 0. the run: events, inputs, commands, options, faults, tracked bodies
        1. every vehicle: measurements ─► estimate        then the fleet snapshot is taken
        2. every vehicle: supervisors, transitions ─► behavior ─► processors ─► tracker ─► link
        3. the run: flows, callbacks, expectations, observers
@@ -45,13 +45,14 @@ from kybflow.runtime.fleet.ground_truth import (
 from kybflow.runtime.fleet.injection import Injection
 from kybflow.runtime.fleet.inputs import Inputs
 from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
+from kybflow.runtime.fleet.tracked_objects import TrackedObjects
 from kybflow.runtime.options import Options
 from kybflow.runtime.preflight import (
     PreflightResult,
     PreflightTimeout,
+    body_lines,
     clock_lines,
     input_lines,
-    obstacle_lines,
     preflight,
 )
 from kybflow.runtime.vehicle.vehicle import Vehicle
@@ -71,8 +72,8 @@ Observer = Callable[["Engine"], None]
 class Engine:
     """Flies a plan.
 
-    `kybflow.api` constructs the engine: vehicles, sessions, options, inputs and moving obstacles
-    must use the same devices.
+    `kybflow.api` constructs the engine: vehicles, sessions, options, inputs, moving obstacles and
+    objects must use the same devices.
     """
 
     def __init__(
@@ -85,6 +86,7 @@ class Engine:
         options: Options,
         inputs: Inputs,
         moving: MovingObstacles,
+        objects: TrackedObjects,
         observers: Sequence[Observer] = (),
         seed: int = 0,
         commands: CommandQueue | None = None,
@@ -92,7 +94,9 @@ class Engine:
     ) -> None:
         self.plan, self.clock, self.events = plan, clock, events
         self.vehicles = tuple(vehicles)
-        self.options, self.inputs, self.moving = options, inputs, moving
+        self.options, self.inputs = options, inputs
+        self.moving, self.objects = moving, objects
+        self._tracked = tuple(one for one in (moving, objects) if one.has_bodies)
         self._believed = _views(BelievedView, vehicles)
         true, period = _views(TrueView, vehicles), clock.period / NS
         self.judge = Judge(plan.expectations, true, self.mission_seconds, period)
@@ -188,8 +192,8 @@ class Engine:
         self.options.apply()
         if self.plan.faults:
             self.injection.step(now)
-        if self.plan.moving:
-            self.moving.step(now)
+        for bodies in self._tracked:
+            bodies.step(now)
         fleet = {vehicle.name: vehicle.sense(now) for vehicle in self.vehicles}
         if self.interrupts or now >= self._limit:
             self._land_at_the_end()
@@ -249,13 +253,15 @@ class Engine:
             for vehicle in self.vehicles:
                 vehicle.sense(self.clock.now)
             self.inputs.step(self.clock.now, flying=False)
-            self.moving.step(self.clock.now)
+            for bodies in self._tracked:
+                bodies.step(self.clock.now)
             for vehicle in self.vehicles:
                 vehicle.link_out.prepare_preflight(self.clock.now)
             lines = [line for v in self.vehicles for line in preflight(v, self.vehicles)]
             lines += input_lines(self.plan, self.inputs.objections())
             lines += clock_lines(self.plan, self._ticks)
-            lines += obstacle_lines(self.plan, self.moving.objections(self.clock.now))
+            lines += body_lines(self.plan, "obstacle", self.moving.objections(self.clock.now))
+            lines += body_lines(self.plan, "object", self.objects.objections(self.clock.now))
             if timeout.ends(lines, self.seconds()):
                 return lines
             self._advance(self.clock.now)

@@ -124,16 +124,15 @@ def clock_lines(plan: Plan, ticks: TickCount) -> Iterator[PreflightResult]:
     yield PreflightResult(plan.vehicles[0].name, "computer", green, reason, waits=waits)
 
 
-def obstacle_lines(
-    plan: Plan, objections: Iterable[tuple[str, str | None]]
+def body_lines(
+    plan: Plan, what: str, objections: Iterable[tuple[str, str | None]]
 ) -> Iterator[PreflightResult]:
-    """Yield a line for each moving obstacle, attributed to the first vehicle of the mission."""
+    """Yield a line for each body that motion capture tracks besides the vehicles, attributed to the
+    first vehicle of the mission. what: `obstacle` or `object`."""
     for name, reason in objections:
         at = plan.watching[name][1].at if name in plan.watching else ""
         vehicle = plan.vehicles[0].name
-        yield PreflightResult(
-            vehicle, f"obstacle {name}", reason is None, reason or "it is seen", at
-        )
+        yield PreflightResult(vehicle, f"{what} {name}", reason is None, reason or "it is seen", at)
 
 
 def _own(vehicle: Vehicle) -> Iterator[PreflightResult]:

@@ -10,16 +10,17 @@ axis.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import ceil
 from typing import TYPE_CHECKING
 
-from kybflow.core.geometry import LEVEL, ZERO, Vec3, add, integrate, scale, sub
+from kybflow.core.geometry import LEVEL, ZERO, Vec3, add, integrate, rotate_back, scale, sub
 from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Command, Measurement, Pose, Time, Truth
 from kybflow.core.units import DEG, Angle, Duration, Frequency, Length
 from kybflow.parts import Link, Sensor, Stream
-from kybflow.parts.link import truth_source
+from kybflow.parts.link import SimulatedScene, truth_source
+from kybflow.world.objects import WorldObject, placements
 from kybflow.world.shapes import MovingSphere
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -122,35 +123,69 @@ class SimulatedPoses(Stream):
 _SEARCH_STEP_S = 1e-3
 
 
-class SimulatedBall(Stream):
-    """Measurements of a moving obstacle by a simulated sensor, computed from the obstacle's true
-    position. open: opens the sensor on the obstacle's link."""
+class SimulatedBody(Stream):
+    """Measurements of a body that is no vehicle by a simulated sensor. truth: returns its true
+    state at a time. open: opens the sensor on the body's link."""
 
-    def __init__(self, ball: MovingSphere, open: Callable[[Link], Stream]) -> None:
-        self._ball = _Ball(ball)
-        self._stream = open(self._ball)
+    def __init__(self, truth: Callable[[Time], Truth], open: Callable[[Link], Stream]) -> None:
+        self._body = _Body(truth)
+        self._stream = open(self._body)
 
     def read(self, now: Time) -> Sequence[Measurement]:
-        self._ball.now = now
+        self._body.now = now
         return self._stream.read(now)
 
     def close(self) -> None:
         self._stream.close()
 
 
-class _Ball(Link):
-    def __init__(self, path: MovingSphere) -> None:
-        self._path = path
+class _Body(Link):
+    def __init__(self, truth: Callable[[Time], Truth]) -> None:
+        self._truth = truth
         self.now: Time = 0
 
     def read(self, now: Time) -> Sequence[Measurement]:
         return ()
 
     def send(self, command: Command, now: Time) -> None:
-        """A ball takes no commands."""
+        """It takes no commands."""
 
     def truth(self) -> Truth | None:
-        seconds = self.now / NS
-        place = self._path.at(seconds)
-        gone = sub(place, self._path.at(max(seconds - _SEARCH_STEP_S, 0.0)))
+        return self._truth(self.now)
+
+
+class ObjectTruths:
+    """The true states of the world's objects, read once a tick. scene: None for a simulator in
+    which they don't move."""
+
+    def __init__(self, objects: Mapping[str, WorldObject], scene: SimulatedScene | None) -> None:
+        self._scene, self._now = scene, -1
+        self._states = {
+            name: Truth(place.position, ZERO, place.attitude, ZERO)
+            for name, place in placements(objects, {}).items()
+        }
+
+    def of(self, name: str) -> Callable[[Time], Truth]:
+        """Return the true state of an object as a function of time."""
+
+        def truth(now: Time) -> Truth:
+            if self._scene is not None and now != self._now:
+                self._now = now
+                self._states = {
+                    n: Truth(s.position, s.velocity, s.attitude, rotate_back(s.attitude, s.turning))
+                    for n, s in self._scene.states().items()
+                }
+            return self._states[name]
+
+        return truth
+
+
+def truth_of(ball: MovingSphere) -> Callable[[Time], Truth]:
+    """Return the true state of a moving obstacle as a function of time."""
+
+    def truth(now: Time) -> Truth:
+        place = ball.at(now / NS)
+        gone = sub(place, ball.at(max(now / NS - _SEARCH_STEP_S, 0.0)))
         return Truth(place, scale(gone, 1.0 / _SEARCH_STEP_S), LEVEL, ZERO)
+
+    return truth

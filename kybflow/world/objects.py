@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import product
-from math import cos, inf, sin, sqrt
+from math import atan2, cos, inf, sin, sqrt
 from typing import Annotated, NamedTuple
 
 from kybflow.core.geometry import (
@@ -26,17 +26,22 @@ from kybflow.core.geometry import (
     Quat,
     Vec3,
     add,
+    conjugate,
     cross,
+    dot,
     from_axes,
     from_heading,
+    heading_of,
     multiply,
     norm,
     rotate,
     rotate_back,
     scale,
     sub,
+    wrap,
 )
 from kybflow.core.params import key, record
+from kybflow.core.signals import Time
 from kybflow.core.units import (
     NUMBER,
     Angle,
@@ -104,7 +109,8 @@ class ObjectSurface(NamedTuple):
 class WorldObject(NamedTuple):
     """An object. at: its centre. size: along its axes. mass: with its surfaces. on: the object that
     it is on, None for the world. joint: None if it is free or, on another object, a part of it.
-    grip: the coefficient of friction of its faces."""
+    grip: the coefficient of friction of its faces. body: its name in motion capture, None for its
+    own."""
 
     name: str
     at: Vec3
@@ -115,11 +121,17 @@ class WorldObject(NamedTuple):
     joint: SlideJoint | TurnJoint | None = None
     grip: float = GRIP
     surfaces: tuple[ObjectSurface, ...] = ()
+    body: str | None = None
 
     @property
     def is_free(self) -> bool:
         """Whether it moves in all directions."""
         return self.joint is None and self.on is None
+
+    @property
+    def moves(self) -> bool:
+        """Whether it moves by itself; a part of another object doesn't."""
+        return self.joint is not None or self.is_free
 
     @property
     def axis(self) -> Vec3:
@@ -159,13 +171,29 @@ WORLD = Placement(ZERO, LEVEL)
 
 class ObjectState(NamedTuple):
     """What an object does. q, speed: the coordinate of its joint and its rate; for a free object
-    the heading and its rate. world frame, SI."""
+    the heading and its rate. turning: its angular velocity. World frame, SI."""
 
     position: Vec3
     attitude: Quat
     velocity: Vec3
     q: float
     speed: float
+    turning: Vec3 = ZERO
+
+
+class SeenObject(NamedTuple):
+    """An object when it was last seen, as `ObjectState`."""
+
+    time: Time
+    position: Vec3
+    attitude: Quat
+    velocity: Vec3
+    q: float
+    speed: float
+
+    @property
+    def placement(self) -> Placement:
+        return Placement(self.position, self.attitude)
 
 
 def unit(direction: Vec3) -> Vec3:
@@ -194,6 +222,21 @@ def placements(objects: Mapping[str, WorldObject], q: Mapping[str, float]) -> di
         below = WORLD if one.on is None else found[one.on]
         found[one.name] = one.placed(below, q.get(one.name, start))
     return found
+
+
+def coordinate(one: WorldObject, on: Placement | None, place: Placement) -> float:
+    """Return the coordinate of an object's joint from its pose and from that of what it is on, None
+    for the world; the heading of an object without a joint."""
+    below, axis = on or WORLD, one.axis
+    attitude = multiply(below.attitude, from_heading(one.heading))
+    match one.joint:
+        case SlideJoint():
+            at = add(below.position, rotate(below.attitude, one.at))
+            return dot(rotate_back(attitude, sub(place.position, at)), axis)
+        case TurnJoint():
+            w, x, y, z = multiply(conjugate(attitude), place.attitude)
+            return wrap(2.0 * atan2(dot((x, y, z), axis), w))
+    return heading_of(place.attitude)
 
 
 def boxes_of(one: WorldObject) -> Iterator[tuple[Vec3, Quat, Vec3]]:

@@ -135,14 +135,16 @@ class SimulatedObjects:
             mujoco.mj_objectVelocity(
                 self._model, self._data, mujoco.mjtObj.mjOBJ_XBODY, body.id, moving, 0
             )
-            _, _, turn, vx, vy, vz = moving.tolist()
+            wx, wy, wz, vx, vy, vz = moving.tolist()
             x, y, z = body.xpos.tolist()
             w, i, j, k = body.xquat.tolist()
             if one.made.joint is None:
-                q, speed = heading_of((w, i, j, k)), turn
+                q, speed = heading_of((w, i, j, k)), wz
             else:
                 q, speed = float(self._data.qpos[one.place]), float(self._data.qvel[one.freedom])
-            found[one.made.name] = ObjectState((x, y, z), (w, i, j, k), (vx, vy, vz), q, speed)
+            found[one.made.name] = ObjectState(
+                (x, y, z), (w, i, j, k), (vx, vy, vz), q, speed, (wx, wy, wz)
+            )
         return found
 
     def contacts(self) -> dict[Contact, float]:

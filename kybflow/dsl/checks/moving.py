@@ -1,5 +1,5 @@
-"""Moving obstacles: their paths, and the sensors that track them: KYB511, KYB547, KYB556 and
-KYB557."""
+"""Moving obstacles: their paths, and the sensors that track them and the objects: KYB511, KYB547,
+KYB556 and KYB557."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.obstacles import is_vertical, nearest, path_of, room_needed
 from kybflow.dsl.checks.space import footprints, shown_point
 from kybflow.dsl.diagnostics import Diagnostic, Severity
-from kybflow.dsl.world import Obstacle
+from kybflow.dsl.world import ObjectParams, Obstacle
 from kybflow.world.shapes import MovingSphere
 
 
@@ -82,8 +82,8 @@ def goes_nowhere(case: Case) -> Iterator[Diagnostic]:
 
 
 def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
-    """KYB511: an obstacle moves, but the target's vehicles are real and none has a motion-capture
-    sensor that could track it."""
+    """KYB511: an obstacle or an object moves, but the target's vehicles are real and none has a
+    motion-capture sensor that could track it."""
     if all(vehicle.driver.cls.simulated for vehicle in case.plan.vehicles):
         return
     known = (spec for spec in case.parts("sensors") if not spec.cls.simulated)
@@ -99,15 +99,17 @@ def unseen_when_real(case: Case) -> Iterator[Diagnostic]:
             )
 
 
-def _moving(case: Case) -> list[Obstacle]:
-    return [one for one in case.plan.world.obstacles if one.moving_sphere is not None]
+def _moving(case: Case) -> list[Obstacle | ObjectParams]:
+    world = case.plan.world
+    every: tuple[Obstacle | ObjectParams, ...] = (*world.obstacles, *world.objects)
+    return [one for one in every if one.name in case.plan.tracked]
 
 
 def seen_as_another(case: Case) -> Iterator[Diagnostic]:
-    """KYB547: a moving obstacle has the motion-capture body of a vehicle or of another obstacle, so
-    its position would be theirs."""
+    """KYB547: a moving obstacle or an object has the motion-capture body of a vehicle or of another
+    one, so its position would be theirs."""
     taken: dict[str, str] = {}
-    for vehicle in case.plan.vehicles if case.plan.moving else ():
+    for vehicle in case.plan.vehicles if case.plan.tracked else ():
         for sensor in vehicle.sensors:
             claim = sensor.part.cls.claim(sensor.part.params, vehicle.name)
             if claim is not None:

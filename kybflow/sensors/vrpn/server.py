@@ -23,14 +23,17 @@ from typing import Any, NamedTuple
 
 from kybflow.core.errors import DriverError, KybflowError
 from kybflow.core.geometry import LEVEL, Quat, Vec3, add, integrate
-from kybflow.core.signals import Measurement, Pose, Time
+from kybflow.core.signals import Measurement, Pose, Time, Truth
 from kybflow.dsl.plan import Plan
 from kybflow.parts import Driver, Link, Seat, Session
+from kybflow.parts.link import SimulatedScene
 from kybflow.sensors._stream import CHUNK, Waker
 from kybflow.sensors.simulated_motion_capture import (
-    SimulatedBall,
+    ObjectTruths,
+    SimulatedBody,
     SimulatedMotionCaptureParams,
     SimulatedPoses,
+    truth_of,
 )
 from kybflow.sensors.vrpn.codec import (
     COOKIE,
@@ -276,9 +279,9 @@ def published(plan: Plan, publish: Publish) -> Plan:
     for vehicle in plan.vehicles:
         if not vehicle.driver.cls.simulated:
             raise KybflowError(f"`{vehicle.name}` flies on `{vehicle.driver.name}`, which is real")
-    balls = _Balls(plan, publish)
+    bodies = _Bodies(plan, publish)
     drivers: dict[Any, Any] = {
-        v.driver.cls: _Published(v.driver.cls, publish, balls) for v in plan.vehicles
+        v.driver.cls: _Published(v.driver.cls, publish, bodies) for v in plan.vehicles
     }
     vehicles = (
         dataclasses.replace(
@@ -318,24 +321,26 @@ def still(
 class _Published:
     """Wraps a driver and publishes the poses read from its links."""
 
-    def __init__(self, driver: type[Driver[Any]], publish: Publish, balls: _Balls) -> None:
-        self._driver, self._publish, self._balls = driver, publish, balls
+    def __init__(self, driver: type[Driver[Any]], publish: Publish, bodies: _Bodies) -> None:
+        self._driver, self._publish, self._bodies = driver, publish, bodies
 
     def __getattr__(self, name: str) -> object:
         return getattr(self._driver, name)
 
     def open(self, seats: Sequence[Seat], generator: random.Random) -> Session:
         session = self._driver.open(seats, generator)
+        if session.scene is not None:
+            self._bodies.add_objects(session.scene)
         for name, link in session.links.items():
             self._tap(name, link)
         return session
 
     def _tap(self, name: str, link: Link) -> None:
-        """Make `link` publish the vehicle's poses, and the obstacles', whenever it is read."""
+        """Make `link` publish the vehicle's poses and those of other bodies when it is read."""
         read = link.read
 
         def tapped(now: Time) -> Sequence[Measurement]:
-            self._balls.step(now)
+            self._bodies.step(now)
             measurements = read(now)
             for measurement in measurements:
                 if type(measurement) is Pose:
@@ -345,19 +350,29 @@ class _Published:
         link.read = tapped  # type: ignore[method-assign]
 
 
-class _Balls:
-    """The moving obstacles, measured by simulated motion capture."""
+class _Bodies:
+    """The moving obstacles and objects, measured by simulated motion capture."""
 
     def __init__(self, plan: Plan, publish: Publish) -> None:
-        self._publish = publish
-        self._streams: dict[str, SimulatedBall] = {}
+        self._objects, self._publish = plan.objects, publish
+        self._streams: dict[str, SimulatedBody] = {}
         for name, ball in plan.moving.items():
-            generator = random.Random(f"published {name}")
-            poses = partial(SimulatedPoses, SimulatedMotionCaptureParams(), generator=generator)
-            self._streams[ball.body or name] = SimulatedBall(ball, poses)
+            self._add(name, ball.body, truth_of(ball))
+
+    def add_objects(self, scene: SimulatedScene) -> None:
+        """Publish the objects of a simulator."""
+        truths = ObjectTruths(self._objects, scene)
+        for name, one in self._objects.items():
+            if one.moves:
+                self._add(name, one.body, truths.of(name))
+
+    def _add(self, name: str, body: str | None, truth: Callable[[Time], Truth]) -> None:
+        generator = random.Random(f"published {name}")
+        poses = partial(SimulatedPoses, SimulatedMotionCaptureParams(), generator=generator)
+        self._streams[body or name] = SimulatedBody(truth, poses)
 
     def step(self, now: Time) -> None:
-        """Publish the poses of each obstacle that have arrived since the last call."""
+        """Publish the poses of each body that have arrived since the last call."""
         for body, stream in self._streams.items():
             for pose in stream.read(now):
                 if type(pose) is Pose:

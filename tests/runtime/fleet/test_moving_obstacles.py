@@ -13,11 +13,12 @@ from kybflow.core.geometry import LEVEL, Vec3, distance, norm, scale, sub
 from kybflow.core.signals import NS, Event, Measurement, Pose, Time
 from kybflow.parts import Stream
 from kybflow.runtime.events import Events
-from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
+from kybflow.runtime.fleet.moving_obstacles import MovingObstacles, moving_obstacles
 from kybflow.sensors.simulated_motion_capture import (
-    SimulatedBall,
+    SimulatedBody,
     SimulatedMotionCapture,
     SimulatedMotionCaptureParams,
+    truth_of,
 )
 from kybflow.world.shapes import MovingSphere
 from kybflow.world.vehicle_context import VehicleContext
@@ -70,7 +71,7 @@ def watched(
     stream: Stream, steps: Iterable[int] = range(300)
 ) -> tuple[MovingObstacles, list[Event]]:
     told: list[Event] = []
-    moving = MovingObstacles({"ball": BALL}, Events((told.append,)), {"ball": stream})
+    moving = moving_obstacles({"ball": BALL}, Events((told.append,)), {"ball": stream})
     for i in steps:
         moving.step(i * STEP)
     return moving, told
@@ -141,8 +142,9 @@ def test_what_is_no_place_and_what_comes_late_is_left_out() -> None:
 def test_simulated_motion_capture_sees_it_late_and_with_noise() -> None:
     params = SimulatedMotionCaptureParams(latency=0.03, position_noise=0.002)
     context: VehicleContext = SITE
-    stream = SimulatedBall(
-        BALL, lambda link: SimulatedMotionCapture.open(params, context, link, random.Random(3))
+    stream = SimulatedBody(
+        truth_of(BALL),
+        lambda link: SimulatedMotionCapture.open(params, context, link, random.Random(3)),
     )
     poses = [pose for i in range(200) for pose in stream.read(i * STEP)]
     assert len(poses) == pytest.approx(197, abs=2)

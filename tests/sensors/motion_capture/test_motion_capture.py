@@ -17,7 +17,7 @@ from waiting import until
 from kybflow.core.geometry import LEVEL
 from kybflow.core.signals import NS, Measurement, Pose
 from kybflow.runtime.events import Events
-from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
+from kybflow.runtime.fleet.moving_obstacles import moving_obstacles
 from kybflow.sensors._stream import PoseStream, TrackerPose
 from kybflow.sensors.motion_capture import MotionCaptureSensor, MotionCaptureSensorParams, feed
 from kybflow.sensors.motion_capture.feed import subscribe
@@ -122,7 +122,7 @@ def test_the_system_of_a_vehicle_sees_a_moving_obstacle(monkeypatch: pytest.Monk
     params = MotionCaptureSensor.tracking(params, "ball_7")
     stream = MotionCaptureSensor.open(params, SITE, None, random.Random(0))  # type: ignore[arg-type]
     ball = MovingSphere(((0.0, 0.0, 1.0),), 0.1, 0.5)
-    moving = MovingObstacles({"ball": ball}, Events(), {"ball": stream})
+    moving = moving_obstacles({"ball": ball}, Events(), {"ball": stream})
     began = time.monotonic_ns()
 
     def is_seen() -> bool:
