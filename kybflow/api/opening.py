@@ -42,8 +42,8 @@ from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.requests import EntryJudge
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.sensors.simulated_motion_capture import (
+    BodyStream,
     ObjectTruths,
-    SimulatedBody,
     SimulatedMotionCapture,
     SimulatedMotionCaptureParams,
     truth_of,
@@ -156,7 +156,7 @@ def open_devices(plan: Plan, seed: int, again: Mapping[str, str] = NOTHING) -> D
             opens = partial(_stream, part, context._replace(vehicle=name), own)
             truth = truth_of(body) if isinstance(body, MovingSphere) else objects.of(name)
             is_simulated = part.cls.simulated
-            stream = SimulatedBody(truth, opens) if is_simulated else opens(links[tracked])
+            stream = BodyStream(truth, opens) if is_simulated else opens(links[tracked])
             devices.watching[name] = stream
         for plan_input in plan.inputs:
             devices.inputs[plan_input.name] = _input(plan_input, devices, again)

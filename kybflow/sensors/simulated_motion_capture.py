@@ -123,7 +123,7 @@ class SimulatedPoses(Stream):
 _SEARCH_STEP_S = 1e-3
 
 
-class SimulatedBody(Stream):
+class BodyStream(Stream):
     """Measurements of a body that is no vehicle by a simulated sensor. truth: returns its true
     state at a time. open: opens the sensor on the body's link."""
 

@@ -27,14 +27,14 @@ UNSEEN_NS: Time = NS // 2
 """How long a body may be unseen before it is lost."""
 
 
-class Seen(Protocol):
+class Observed(Protocol):
     """What was seen of a body, and when."""
 
     @property
     def time(self) -> Time: ...
 
 
-S = TypeVar("S", bound=Seen)
+S = TypeVar("S", bound=Observed)
 Track = Sequence[Pose]
 """The poses of a body in the last `span`, oldest first."""
 Observe = Callable[[str, Track], S]

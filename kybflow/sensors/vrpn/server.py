@@ -29,8 +29,8 @@ from kybflow.parts import Driver, Link, Seat, Session
 from kybflow.parts.link import SimulatedScene
 from kybflow.sensors._stream import CHUNK, Waker
 from kybflow.sensors.simulated_motion_capture import (
+    BodyStream,
     ObjectTruths,
-    SimulatedBody,
     SimulatedMotionCaptureParams,
     SimulatedPoses,
     truth_of,
@@ -355,7 +355,7 @@ class _Bodies:
 
     def __init__(self, plan: Plan, publish: Publish) -> None:
         self._objects, self._publish = plan.objects, publish
-        self._streams: dict[str, SimulatedBody] = {}
+        self._streams: dict[str, BodyStream] = {}
         for name, ball in plan.moving.items():
             self._add(name, ball.body, truth_of(ball))
 
@@ -369,7 +369,7 @@ class _Bodies:
     def _add(self, name: str, body: str | None, truth: Callable[[Time], Truth]) -> None:
         generator = random.Random(f"published {name}")
         poses = partial(SimulatedPoses, SimulatedMotionCaptureParams(), generator=generator)
-        self._streams[body or name] = SimulatedBody(truth, poses)
+        self._streams[body or name] = BodyStream(truth, poses)
 
     def step(self, now: Time) -> None:
         """Publish the poses of each body that have arrived since the last call."""

@@ -15,7 +15,7 @@ from kybflow.parts import Stream
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.moving_obstacles import MovingObstacles, moving_obstacles
 from kybflow.sensors.simulated_motion_capture import (
-    SimulatedBody,
+    BodyStream,
     SimulatedMotionCapture,
     SimulatedMotionCaptureParams,
     truth_of,
@@ -142,7 +142,7 @@ def test_what_is_no_place_and_what_comes_late_is_left_out() -> None:
 def test_simulated_motion_capture_sees_it_late_and_with_noise() -> None:
     params = SimulatedMotionCaptureParams(latency=0.03, position_noise=0.002)
     context: VehicleContext = SITE
-    stream = SimulatedBody(
+    stream = BodyStream(
         truth_of(BALL),
         lambda link: SimulatedMotionCapture.open(params, context, link, random.Random(3)),
     )
