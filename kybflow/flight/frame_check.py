@@ -92,6 +92,9 @@ confirmed, and how many comparisons pass between two corrections."""
 MAX_CORRECTION = radians(2.0)
 """The largest difference of the attitudes, rad, by which the attitude is corrected until the frame
 is confirmed. That of a wrong frame is larger, and that of an integral of w is smaller at first."""
+MAX_DRIFT = radians(10.0)
+"""The largest difference of the attitudes, rad, that a drift of the integral explains once the
+frame is confirmed. In flight, a frame that becomes another one differs by more."""
 NOISE_SHARE = 0.05
 """Share of a new sample in the running noise."""
 MIN_JUMP = 0.015
@@ -425,6 +428,8 @@ class FrameCheck:
         w, x, y, z = multiply(conjugate(attitude), multiply(pose.attitude, self._levelled))
         turn, angle = 2.0 if w > 0.0 else -2.0, 2.0 * sqrt(x * x + y * y + z * z)
         if self.is_confirmed:
+            if angle > MAX_DRIFT:
+                return
             learned = -0.25 * turn * seconds / CONFIRMED_TIME_S**2  # critically damped
             self._turned = add(self._turned, scale((x, y, z), learned))
             turn *= seconds / CONFIRMED_TIME_S
