@@ -20,6 +20,7 @@ from harms.families import (
     slips,
     structure,
     supervisors,
+    third_opinion,
     time_and_energy,
     valid_variants,
 )
@@ -28,6 +29,7 @@ from harms.operator import Operator
 HARMFUL = (
     slips, physics, expectations, supervisors, time_and_energy, plants, sensing, structure, fleets,
     rooms, faults_and_callbacks, parameters, avoidance, formations, labs_and_hands, second_opinion,
+    third_opinion,
 )  # fmt: skip
 
 
