@@ -135,7 +135,7 @@ def fly(
             watching.append(lambda e: recorder.obstacles(e.clock.now, e.moving.seen))
         if plan.objects:
             watching.append(
-                lambda e: recorder.objects(e.clock.now, e.contacts.states, e.contacts.forces)
+                lambda e: recorder.objects(e.clock.now, e.true_objects.states, e.contacts.forces)
             )
         watching += observers
         if any(vehicle.cameras for vehicle in plan.vehicles):

@@ -26,6 +26,7 @@ from kybflow.dsl.reading.reader import compose
 from kybflow.flight.loops.position_loop import delay_margin
 from kybflow.parts import Driver, InputLink, Link, Seat, Session, Stream
 from kybflow.parts.catalog import Catalog
+from kybflow.parts.true_objects import TrueObjects
 from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
 from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.engine import Engine, Observer
@@ -43,7 +44,6 @@ from kybflow.runtime.vehicle.requests import EntryJudge
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.sensors.simulated_motion_capture import (
     BodyStream,
-    ObjectTruths,
     SimulatedMotionCapture,
     SimulatedMotionCaptureParams,
     truth_of,
@@ -148,13 +148,12 @@ def open_devices(plan: Plan, seed: int, again: Mapping[str, str] = NOTHING) -> D
                 own = random.Random(f"{seed} {vehicle.name} {sensor.part.label}")
                 opened.append(OpenSensor(sensor, _stream(sensor.part, context, own, link)))
         context = context_of(plan, plan.vehicles[0])
-        scenes = (session.scene for session in devices.sessions if session.scene is not None)
-        objects = ObjectTruths(plan.objects, next(scenes, None))
+        objects = TrueObjects(plan.objects, devices.sessions)
         for name, body in plan.tracked.items():
             tracked, part = plan.watching.get(name, ("", _SIMULATED))
             own = random.Random(f"{seed} obstacle {name}")
             opens = partial(_stream, part, context._replace(vehicle=name), own)
-            truth = truth_of(body) if isinstance(body, MovingSphere) else objects.of(name)
+            truth = truth_of(body) if isinstance(body, MovingSphere) else objects.truth_of(name)
             is_simulated = part.cls.simulated
             stream = BodyStream(truth, opens) if is_simulated else opens(links[tracked])
             devices.watching[name] = stream

@@ -10,11 +10,12 @@ from kybflow.core.params import Field, names_in
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.diagnostics import Diagnostic, Findings, Span, Text
 from kybflow.dsl.expressions import Scope
+from kybflow.dsl.expressions.semantics import ObjectNames
 from kybflow.dsl.plan import PartPlan, Plan, VehiclePlan
 from kybflow.dsl.reading.nodes import Node
 from kybflow.dsl.reading.values import decode_value
 from kybflow.parts import AIR, GROUND, Leg
-from kybflow.parts.observables import chains_of
+from kybflow.parts.observables import OBJECT_OBSERVABLES, chains_of
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
@@ -183,7 +184,15 @@ class Scopes:
         }
         carriers = frozenset(v.name for v in vehicles if v.payload is not None)
         obstacles = dict.fromkeys(plan.touchable, False) | dict.fromkeys(plan.kept_clear, True)
-        self._known = (estimators, plan.points, groups, carriers, obstacles)
+        objects = {
+            name: ObjectNames(
+                [value for value, one in OBJECT_OBSERVABLES.items() if one.has(plan.objects[name])],
+                [surface.name for surface in plan.objects[name].surfaces],
+            )
+            for name in plan.tracked
+            if name in plan.objects
+        }
+        self._known = (estimators, plan.points, groups, carriers, obstacles, objects)
         self._inputs = {use.name: use.axes for use in plan.inputs}
         self._conditions: dict[str | None, Scope] = {}
         self._health = {own: Scope("health", {}, own) for own in fleet}

@@ -14,7 +14,18 @@ from typing import NamedTuple, Protocol
 
 from kybflow.core.geometry import Quat, Vec3, distance, heading_of, norm, tilt_of
 from kybflow.core.signals import Battery, PayloadState, Setpoint, Sticks
-from kybflow.core.units import ANGLE, DURATION, LENGTH, NUMBER, RATIO, SPEED, VOLTAGE, Dimension
+from kybflow.core.units import (
+    ANGLE,
+    ANGULAR_RATE,
+    DURATION,
+    LENGTH,
+    NUMBER,
+    RATIO,
+    SPEED,
+    VOLTAGE,
+    Dimension,
+)
+from kybflow.world.objects import SlideJoint, TurnJoint, WorldObject
 
 
 class Unavailable(Exception):
@@ -54,6 +65,17 @@ class State(Protocol):
 class ObstacleView(Protocol):
     def distance(self, p: Vec3) -> float:
         """Return the distance from the surface to `p`, metres; negative inside."""
+
+
+class ObjectView(State, Protocol):
+    """The properties of an object that is seen or simulated. q, speed: the coordinate of its joint
+    and its rate; for a free object the heading and its rate."""
+
+    @property
+    def q(self) -> float: ...
+
+    @property
+    def speed(self) -> float: ...
 
 
 class View(Protocol):
@@ -118,6 +140,13 @@ class View(Protocol):
         """Return where an obstacle is: in a condition, a moving one is believed to be where it was
         seen last, and grows until it is seen again; in an expectation, it is where the simulator
         has it, if there is one. Unavailable before the obstacle was seen."""
+
+    def object(self, name: str) -> ObjectView:
+        """Return the state of an object of the world: in a condition, as motion capture has seen
+        it; in an expectation, the simulator's truth, if any. Unavailable while it is not seen."""
+
+    def object_place(self, name: str, surface: str) -> Vec3:
+        """Return the centre of an object, or of its surface, in the world frame, metres."""
 
     @property
     def releases(self) -> int:
@@ -263,5 +292,45 @@ OBSERVABLES: dict[str, Observable] = {
     ),
     "sticks.throttle": Observable(
         "A pilot's stick, 0 to 1.", NUMBER, lambda v: v.sticks.throttle, 0.0, 1.0
+    ),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectObservable:
+    """A value of an object that conditions and expectations can read by name. has: returns whether
+    an object has it. low, high, wraps: as in `Observable`."""
+
+    help: str
+    dimension: Dimension
+    read: Callable[[ObjectView], float]
+    has: Callable[[WorldObject], bool] = lambda _: True
+    low: float = -inf
+    high: float = inf
+    wraps: bool = False
+
+
+OBJECT_OBSERVABLES: dict[str, ObjectObservable] = {
+    "x": ObjectObservable("Position of its centre east.", LENGTH, lambda o: o.position[0]),
+    "y": ObjectObservable("Position of its centre north.", LENGTH, lambda o: o.position[1]),
+    "z": ObjectObservable("Height of its centre.", LENGTH, lambda o: o.position[2]),
+    "yaw": ObjectObservable(
+        "Heading of its x axis.", ANGLE, lambda o: heading_of(o.attitude), low=-pi, high=pi,
+        wraps=True,
+    ),
+    "speed": ObjectObservable(
+        "Speed of its centre.", SPEED, lambda o: norm(o.velocity), low=0.0
+    ),
+    "position": ObjectObservable(
+        "Position along its slide, from `at`.", LENGTH, lambda o: o.q,
+        lambda one: isinstance(one.joint, SlideJoint),
+    ),
+    "angle": ObjectObservable(
+        "Angle of its joint.", ANGLE, lambda o: o.q, lambda one: isinstance(one.joint, TurnJoint)
+    ),
+    "turn_rate": ObjectObservable(
+        "Rate of turning, about its joint or, of a free object, about the vertical.",
+        ANGULAR_RATE, lambda o: o.speed,
+        lambda one: one.is_free or isinstance(one.joint, TurnJoint),
     ),
 }  # fmt: skip

@@ -14,7 +14,7 @@ from typing import Any
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import NO_INPUTS, InputReadings
 from kybflow.dsl.expressions import tree
-from kybflow.parts.observables import OBSERVABLES, Unavailable, View, is_in
+from kybflow.parts.observables import OBJECT_OBSERVABLES, OBSERVABLES, Unavailable, View, is_in
 
 OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
     "<": operator.lt,
@@ -74,27 +74,43 @@ def value_of(
     match value:
         case tree.Quantity(constant, _) | tree.Word(constant):
             return lambda: constant
-        case tree.Read(vehicle, name):
-            view, read = views[vehicle or own or ""], OBSERVABLES[name].read
-            return lambda: read(view)
+        case tree.Read() | tree.ObjectRead():
+            return _read(value, views, own)
         case tree.Axis(source, axis):
             return _axis(inputs, source, axis)
         case tree.MissionTime():
             return now
         case tree.Distance(a, b):
-            if a.obstacle is not None:
-                a, b = b, a
-            here = _point_of(a, views, own)
-            if b.obstacle is not None:
-                view, obstacle = views[a.vehicle or own or next(iter(views))], b.obstacle
-                return lambda: view.obstacle(obstacle).distance(here())
-            there = _point_of(b, views, own)
-            return lambda: distance(here(), there())
+            return _distance(a, b, views, own)
         case tree.Separation(vehicles, obstacles):
             return _separation([views[vehicle] for vehicle in vehicles], obstacles)
         case tree.Clearance(vehicle, obstacles):
             return _clearance(views[vehicle], obstacles)
     raise TypeError(f"{type(value).__name__} is not a value of one tick")
+
+
+def _distance(
+    a: tree.Location, b: tree.Location, views: Mapping[str, View], own: str | None
+) -> Callable[[], float]:
+    if a.obstacle is not None:
+        a, b = b, a
+    here = _point_of(a, views, own)
+    if b.obstacle is not None:
+        view, obstacle = views[a.vehicle or own or next(iter(views))], b.obstacle
+        return lambda: view.obstacle(obstacle).distance(here())
+    there = _point_of(b, views, own)
+    return lambda: distance(here(), there())
+
+
+def _read(
+    value: tree.Read | tree.ObjectRead, views: Mapping[str, View], own: str | None
+) -> Callable[[], float | str]:
+    if isinstance(value, tree.Read):
+        view, read = views[value.vehicle or own or ""], OBSERVABLES[value.name].read
+        return lambda: read(view)
+    seer, name = views[own or next(iter(views))], value.object
+    read_object = OBJECT_OBSERVABLES[value.name].read
+    return lambda: read_object(seer.object(name))
 
 
 def _axis(inputs: InputReadings, source: str, axis: str) -> Callable[[], float]:
@@ -155,6 +171,9 @@ def _point_of(
     if place.point is not None:
         point = place.point
         return lambda: point
+    if place.object is not None:
+        seer, thing, surface = views[own or next(iter(views))], place.object, place.surface
+        return lambda: seer.object_place(thing, surface)
     view = views[place.vehicle or own or ""]
     if place.start:
         return lambda: view.start

@@ -10,7 +10,7 @@ now ─► 0. the run: events, inputs, commands, options, faults, tracked bodies
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 from kybflow.core.errors import described, traceback_of
 from kybflow.core.signals import NS, Time
@@ -26,6 +26,7 @@ from kybflow.parts.events import (
     RunStopped,
     TicksMissed,
 )
+from kybflow.parts.true_objects import TrueObjects
 from kybflow.runtime.clock import Clock, TickCount
 from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.commanding.commander import Commander
@@ -56,7 +57,7 @@ from kybflow.runtime.preflight import (
     preflight,
 )
 from kybflow.runtime.vehicle.vehicle import Vehicle
-from kybflow.runtime.views import BelievedView, TrueView
+from kybflow.runtime.views import BelievedView, KnownObjects, TrueView
 
 LANDING_TIMEOUT, SLOWEST_DESCENT = 60.0, 0.2
 """Vehicles have `LANDING_TIMEOUT` seconds to land after the mission's time limit, or, if that is
@@ -97,8 +98,10 @@ class Engine:
         self.options, self.inputs = options, inputs
         self.moving, self.objects = moving, objects
         self._tracked = tuple(one for one in (moving, objects) if one.has_bodies)
-        self._believed = _views(BelievedView, vehicles)
-        true, period = _views(TrueView, vehicles), clock.period / NS
+        self.true_objects = TrueObjects(plan.objects, sessions)
+        known = KnownObjects(plan.objects, objects.seen, self.true_objects)
+        self._believed = {vehicle.name: BelievedView(vehicle, known) for vehicle in vehicles}
+        true, period = {v.name: TrueView(v, known) for v in vehicles}, clock.period / NS
         self.judge = Judge(plan.expectations, true, self.mission_seconds, period)
         self.flows = Flows(plan, self.vehicles, self._condition(None), events, self.options)
         requests = {vehicle.name: vehicle.requests for vehicle in self.vehicles}
@@ -319,7 +322,3 @@ class Engine:
 
 
 TWICE = "a second interrupt stops the commands at once"
-
-
-def _views(kind: type[BelievedView], vehicles: Sequence[Vehicle]) -> Mapping[str, BelievedView]:
-    return {vehicle.name: kind(vehicle) for vehicle in vehicles}

@@ -9,8 +9,9 @@ from __future__ import annotations
 from math import inf
 from typing import Any, Protocol
 
+from kybflow.core.geometry import Vec3
 from kybflow.core.signals import Estimate
-from kybflow.parts.observables import ObstacleView, Unavailable
+from kybflow.parts.observables import ObjectView, ObstacleView, Unavailable
 
 
 class _Estimating(Protocol):
@@ -43,4 +44,10 @@ class EstimatorView:
     payload = payload_place = releases = sticks = property(_never)
 
     def obstacle(self, name: str) -> ObstacleView:
+        raise Unavailable
+
+    def object(self, name: str) -> ObjectView:
+        raise Unavailable
+
+    def object_place(self, name: str, surface: str) -> Vec3:
         raise Unavailable

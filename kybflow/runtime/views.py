@@ -2,23 +2,37 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
-from kybflow.core.geometry import Vec3
+from kybflow.core.geometry import ZERO, Vec3, add, rotate
 from kybflow.core.signals import NS, Battery, Estimate, PayloadState, Setpoint, Sticks
 from kybflow.flight.avoidance.surroundings import grown
-from kybflow.parts.observables import ObstacleView, State, Unavailable
+from kybflow.parts.observables import ObjectView, ObstacleView, State, Unavailable
+from kybflow.parts.true_objects import TrueObjects
+from kybflow.runtime.fleet.tracked_bodies import UNSEEN_NS
+from kybflow.world.objects import SeenObject, WorldObject
 from kybflow.world.shapes import Sphere
 
 if TYPE_CHECKING:
     from kybflow.runtime.vehicle.vehicle import Vehicle
 
 
-class BelievedView:
-    """The view of a vehicle that conditions read: its state is its own estimate."""
+class KnownObjects(NamedTuple):
+    """What is known of the world's objects. made: the objects. seen: what motion capture has seen
+    of them. true: their true states, those of the simulator."""
 
-    def __init__(self, vehicle: Vehicle) -> None:
-        self._vehicle = vehicle
+    made: Mapping[str, WorldObject]
+    seen: Mapping[str, SeenObject]
+    true: TrueObjects
+
+
+class BelievedView:
+    """The view of a vehicle that conditions read: its state is its own estimate, and objects are
+    where motion capture has seen them."""
+
+    def __init__(self, vehicle: Vehicle, objects: KnownObjects) -> None:
+        self._vehicle, self._objects = vehicle, objects
 
     @property
     def state(self) -> State:
@@ -95,6 +109,18 @@ class BelievedView:
         known = grown(seen, self._vehicle.now)
         return Sphere(known.position, known.radius)
 
+    def object(self, name: str) -> ObjectView:
+        seen = self._objects.seen.get(name)
+        if seen is None or self._vehicle.now - seen.time > UNSEEN_NS:
+            raise Unavailable
+        return seen
+
+    def object_place(self, name: str, surface: str) -> Vec3:
+        state = self.object(name)
+        surfaces = self._objects.made[name].surfaces
+        at = next((one.at for one in surfaces if one.name == surface), ZERO)
+        return add(state.position, rotate(state.attitude, at))
+
     @property
     def releases(self) -> int:
         return self._vehicle.knowledge.payload.releases
@@ -114,8 +140,8 @@ class BelievedView:
 
 
 class TrueView(BelievedView):
-    """The view of a vehicle that expectations read: its state is the simulator's ground truth, or
-    its estimate on hardware."""
+    """The view of a vehicle that expectations read: its state and those of objects are the
+    simulator's ground truth, or what conditions read on hardware."""
 
     @property
     def state(self) -> State:
@@ -126,6 +152,11 @@ class TrueView(BelievedView):
         if ball is None or self._vehicle.truth is None:
             return super().obstacle(name)
         return Sphere(ball.at(self._vehicle.now / NS), ball.radius)
+
+    def object(self, name: str) -> ObjectView:
+        if self._vehicle.truth is None:
+            return super().object(name)
+        return self._objects.true.states[name]
 
     @property
     def payload_place(self) -> Vec3:

@@ -10,17 +10,16 @@ axis.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from math import ceil
 from typing import TYPE_CHECKING
 
-from kybflow.core.geometry import LEVEL, ZERO, Vec3, add, integrate, rotate_back, scale, sub
+from kybflow.core.geometry import LEVEL, ZERO, Vec3, add, integrate, scale, sub
 from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Command, Measurement, Pose, Time, Truth
 from kybflow.core.units import DEG, Angle, Duration, Frequency, Length
 from kybflow.parts import Link, Sensor, Stream
-from kybflow.parts.link import SimulatedScene, truth_source
-from kybflow.world.objects import WorldObject, placements
+from kybflow.parts.link import truth_source
 from kybflow.world.shapes import MovingSphere
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -152,32 +151,6 @@ class _Body(Link):
 
     def truth(self) -> Truth | None:
         return self._truth(self.now)
-
-
-class ObjectTruths:
-    """The true states of the world's objects, read once a tick. scene: None for a simulator in
-    which they don't move."""
-
-    def __init__(self, objects: Mapping[str, WorldObject], scene: SimulatedScene | None) -> None:
-        self._scene, self._now = scene, -1
-        self._states = {
-            name: Truth(place.position, ZERO, place.attitude, ZERO)
-            for name, place in placements(objects, {}).items()
-        }
-
-    def of(self, name: str) -> Callable[[Time], Truth]:
-        """Return the true state of an object as a function of time."""
-
-        def truth(now: Time) -> Truth:
-            if self._scene is not None and now != self._now:
-                self._now = now
-                self._states = {
-                    n: Truth(s.position, s.velocity, s.attitude, rotate_back(s.attitude, s.turning))
-                    for n, s in self._scene.states().items()
-                }
-            return self._states[name]
-
-        return truth
 
 
 def truth_of(ball: MovingSphere) -> Callable[[Time], Truth]:

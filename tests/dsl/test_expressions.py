@@ -34,6 +34,7 @@ from kybflow.dsl.expressions import (
     describe,
     parse,
 )
+from kybflow.dsl.expressions.semantics import ObjectNames
 from kybflow.runtime.conditions import reader_of
 
 VEHICLES = {"a": ("up", "eight", "hover", "landed"), "b": ("up", "landed")}
@@ -281,6 +282,16 @@ WORDS = st.sampled_from(
         " always finished distance max separation all time 1e999 , é \x00 - $x .",
     )
 )
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["max(bar.yaw in a.up) < 3 deg", "always distance(bar.left to bar) < 1 m", "mean(bar.x) < 1 m"],
+)
+def test_what_is_written_about_objects_is_given_back(words: str) -> None:
+    objects = {"bar": ObjectNames(("x", "yaw"), ("left",))}
+    scope = Scope("expectation", VEHICLES, objects=objects)
+    assert words == describe(read(words, scope))
 
 
 @given(st.lists(WORDS, max_size=30).map(" ".join), st.sampled_from([CONDITION, EXPECTATION]))

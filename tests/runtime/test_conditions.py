@@ -5,10 +5,13 @@ from __future__ import annotations
 import pytest
 from fake_view import FakeView
 
+from kybflow.core.geometry import from_heading
 from kybflow.core.units import LENGTH
 from kybflow.dsl.diagnostics import Span, Text
 from kybflow.dsl.expressions import Aggregate, Compare, Quantity, Read, Scope, parse
+from kybflow.dsl.expressions.semantics import ObjectNames
 from kybflow.runtime.conditions import reader_of
+from kybflow.world.objects import ObjectState
 from kybflow.world.shapes import Cylinder, Sphere
 
 VEHICLES = {"a": ("up", "hover"), "b": ("up", "hover"), "c": ("up",)}
@@ -75,6 +78,27 @@ def test_distances_from_obstacles(words: str, holds: bool) -> None:
     b = FakeView(position=(-2.0, 0.0, 1.0), hull=0.1, obstacles=solids)
     scope = Scope("condition", {"a": (), "b": ()}, "a", obstacles=kept)
     assert holds == asked(words, scope, a=a, b=b)
+
+
+BAR = ObjectState((1.0, 0.0, 1.0), from_heading(0.2), (0.3, 0.4, 0.0), 0.2, -0.1)
+
+
+@pytest.mark.parametrize(
+    ("words", "holds"),
+    [
+        ("bar.x == 1 m and bar.z == 1 m", True),
+        ("bar.speed == 50 cm/s", True),
+        ("bar.yaw > 11 deg and bar.angle < 12 deg", True),
+        ("bar.turn_rate < 0 rad/s", True),
+        ("distance(a to bar) == 1 m", True),
+        ("distance(bar.left to [1 1.5 1]) == 1 m", True),
+        ("unseen.x < 1 m or unseen.x >= 1 m", False),
+    ],
+)
+def test_values_of_objects(words: str, holds: bool) -> None:
+    names = ObjectNames(("x", "z", "yaw", "speed", "angle", "turn_rate"), ("left",))
+    scope = Scope("condition", {"a": ()}, "a", objects={"bar": names, "unseen": names})
+    assert holds == asked(words, scope, a=FakeView(position=(0.0, 0.0, 1.0), objects={"bar": BAR}))
 
 
 def test_values_are_read_anew_each_time() -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from kybflow.core.geometry import LEVEL, ZERO, Quat, Vec3
 from kybflow.core.signals import Battery, Setpoint, SetpointKind, Truth
-from kybflow.parts.observables import ObstacleView, State, Unavailable
+from kybflow.parts.observables import ObjectView, ObstacleView, State, Unavailable
 
 
 @dataclass
@@ -27,7 +27,17 @@ class FakeView:
     spread: float = 0.0
     hull: float = 0.0
     obstacles: dict[str, ObstacleView] = field(default_factory=dict)
+    objects: dict[str, ObjectView] = field(default_factory=dict)
     asked: list[str] = field(default_factory=list)
+
+    def object(self, name: str) -> ObjectView:
+        if name not in self.objects:
+            raise Unavailable
+        return self.objects[name]
+
+    def object_place(self, name: str, surface: str) -> Vec3:
+        x, y, z = self.object(name).position
+        return (x, y + (0.5 if surface == "left" else 0.0), z)
 
     def obstacle(self, name: str) -> ObstacleView:
         if name not in self.obstacles:

@@ -106,6 +106,7 @@ class SimulatedObjects:
             if one.made.joint is not None:
                 data.qpos[one.place] = one.made.joint.start
         self._wrench = numpy.zeros(6)
+        self._read, self._states = -1.0, dict[str, ObjectState]()
 
     def _moved(self, one: WorldObject) -> _Moved:
         if one.joint is None and not one.is_free:
@@ -124,7 +125,9 @@ class SimulatedObjects:
             self._data.qfrc_applied[one.freedom] = -speed * one.inertia * share / seconds
 
     def states(self) -> dict[str, ObjectState]:
-        """Return the state of every object."""
+        """Return the state of every object. It is computed once for each time."""
+        if self._read == self._data.time:
+            return self._states
         found: dict[str, ObjectState] = {}
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
@@ -145,6 +148,7 @@ class SimulatedObjects:
             found[one.made.name] = ObjectState(
                 (x, y, z), (w, i, j, k), (vx, vy, vz), q, speed, (wx, wy, wz)
             )
+        self._read, self._states = self._data.time, found
         return found
 
     def contacts(self) -> dict[Contact, float]:

@@ -8,14 +8,15 @@ together.
     both        := single ('and' single)*
     single      := 'not' single | '(' condition ')' | VEHICLE 'in' STATE
                  | ('all' | 'any') GROUP 'in' STATE | operand operator operand
-    operand     := quantity | 'time' | observable | VEHICLE '.' observable | INPUT '.' axis | word
+    operand     := quantity | 'time' | observable | VEHICLE '.' observable | OBJECT '.' value
+                 | INPUT '.' axis | word
                  | 'distance' '(' place 'to' place ')'
                  | 'separation' '(' 'all' | some ['and' some ...] ')'
                  | 'clearance' '(' VEHICLE ')'
-                 | ('mean'|'max'|'min'|'rms') '(' operand ['in' STATE] ')'
+                 | ('mean'|'max'|'min'|'rms') '(' operand ['in' [VEHICLE '.'] STATE] ')'
     some        := VEHICLE | GROUP | obstacle
     place       := VEHICLE | VEHICLE '.start' | 'start' | VEHICLE '.payload'
-                 | 'world.points.' NAME | '[' x y z ']' | obstacle
+                 | 'world.points.' NAME | '[' x y z ']' | obstacle | OBJECT | OBJECT '.' SURFACE
     obstacle    := OBSTACLE | 'world.obstacles.' OBSTACLE
 """
 
@@ -38,7 +39,7 @@ from kybflow.dsl.expressions.semantics import (
 )
 from kybflow.dsl.expressions.tokens import Cursor, Token, Unreadable
 from kybflow.dsl.expressions.tree import shown_value
-from kybflow.parts.observables import OBSERVABLES
+from kybflow.parts.observables import OBJECT_OBSERVABLES, OBSERVABLES
 
 __all__ = ["Scope", "parse"]
 
@@ -289,6 +290,9 @@ class _Parser:
             if name.partition(".")[0] == "payload":
                 self._semantics.payload(vehicle or scope.own or "", token)
             return tree.Read(vehicle, name), OBSERVABLES[name].dimension
+        thing = scope.objects.get(first)
+        if thing is not None and rest in thing.values:
+            return tree.ObjectRead(first, rest), OBJECT_OBSERVABLES[rest].dimension
         if rest in scope.inputs.get(first, ()):
             return tree.Axis(first, rest), NUMBER
         return None, None
@@ -338,6 +342,10 @@ class _Parser:
         obstacle = self._semantics.obstacle(token)
         if obstacle is not None:
             return tree.Location(None, obstacle=obstacle)
+        thing, _, surface = token.text.partition(".")
+        if thing in self._scope.objects:
+            self._semantics.surface(thing, surface, token)
+            return tree.Location(None, object=thing, surface=surface)
         if token.text.startswith(PREFIX):
             return tree.Location(None, point=self._semantics.point(token))
         own = "payload" if token.text.endswith(".payload") else "start"
@@ -399,10 +407,19 @@ class _Parser:
         measured = node if isinstance(node, tree.Measured) else tree.Read(None, "elapsed")
         state = None
         if self._tokens.skip("in"):
-            state = self._semantics.state(vehicle or "", self._name("a state"))
+            name = self._name("a state")
+            first, _, rest = name.text.partition(".")
+            if vehicle is None and isinstance(node, tree.ObjectRead) and rest:
+                vehicle = self._semantics.vehicle(
+                    name._replace(text=first, end=name.start + len(first))
+                )
+                name = name._replace(text=rest, start=name.end - len(rest))
+            state = self._semantics.state(vehicle or "", name)
             if vehicle is None and inner.node is not None and not inner.is_broken:
                 message = f"`{inner.source}` belongs to no one vehicle that could be in `{state}`"
                 hint = "leave out `in ...`"
+                if isinstance(node, tree.ObjectRead):
+                    hint += f", or name the vehicle: `in {self._scope.a_vehicle}.{state}`"
                 self._semantics.report("KYB212", inner.token, message, "of no one vehicle", hint)
         function = cast("tree.Function", token.text)
         owner = vehicle if state else None
@@ -410,7 +427,12 @@ class _Parser:
 
 
 def _wraps(node: object) -> bool:
-    return isinstance(node, tree.Read) and OBSERVABLES[node.name].wraps
+    match node:
+        case tree.Read(_, name):
+            return OBSERVABLES[name].wraps
+        case tree.ObjectRead(_, name):
+            return OBJECT_OBSERVABLES[name].wraps
+    return False
 
 
 def _subject(node: object) -> str | None:

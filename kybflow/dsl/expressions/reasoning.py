@@ -31,7 +31,7 @@ from kybflow.dsl.expressions import (
     tree,
 )
 from kybflow.dsl.expressions.parse import FLIPPED
-from kybflow.parts.observables import OBSERVABLES, Envelope, is_in
+from kybflow.parts.observables import OBJECT_OBSERVABLES, OBSERVABLES, Envelope, is_in
 from kybflow.world.shapes import Box
 
 Bounds = Callable[[object], tuple[float, float]]
@@ -78,6 +78,8 @@ class Envelopes(NamedTuple):
             return Box(place.point, place.point)
         if place.obstacle is not None:
             return self.obstacles.get(place.obstacle, EVERYWHERE)
+        if place.object is not None:
+            return EVERYWHERE
         envelope = self.get(place.vehicle)
         if envelope is None:
             return EVERYWHERE
@@ -129,6 +131,8 @@ def physical_bounds(
                 return -1.0, 1.0
             case Read(vehicle, name):
                 return OBSERVABLES[name].bounds(there.get(vehicle))
+            case tree.ObjectRead(_, name):
+                return OBJECT_OBSERVABLES[name].low, OBJECT_OBSERVABLES[name].high
             case tree.Distance() | tree.Separation() | tree.Clearance():
                 return there.apart(value)
             case tree.Aggregate(function, inner, _, state):

@@ -36,6 +36,13 @@ HEALTH: Mapping[str, str] = {"age": "estimate.age", "spread": "estimate.spread"}
 """The names that an estimator's health may read, and the observable that each stands for."""
 
 
+class ObjectNames(NamedTuple):
+    """What may be read of an object: its values, and its surfaces as places."""
+
+    values: Collection[str]
+    surfaces: Collection[str]
+
+
 @dataclass(frozen=True, slots=True)
 class Scope:
     """The names that an expression may use.
@@ -44,7 +51,7 @@ class Scope:
     expression it is; None in an expectation and in a flow. estimators: those of each vehicle.
     points: those of the world. groups: the vehicles of each group. carriers: the vehicles with a
     payload. obstacles: those of the world, and for each whether vehicles keep away from it.
-    inputs: the axes of each input.
+    objects: those of the world that move. inputs: the axes of each input.
     """
 
     kind: Literal["condition", "health", "expectation"]
@@ -55,6 +62,7 @@ class Scope:
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     carriers: Collection[str] = ()
     obstacles: Mapping[str, bool] = field(default_factory=dict)
+    objects: Mapping[str, ObjectNames] = field(default_factory=dict)
     inputs: Mapping[str, Collection[str]] = field(default_factory=dict)
     read: dict[Text, Any] = field(default_factory=dict, compare=False, repr=False)
     """A cache of the texts parsed in this scope, since several checks need them."""
@@ -117,9 +125,16 @@ class Semantics:
             message = f"`{name}` is an obstacle, and a vehicle is needed"
             hint = f"write `distance({scope.a_vehicle} to {name})` for how near it is"
             self.report("KYB212", token, message, "an obstacle", hint)
+        elif name in scope.objects:
+            message = f"`{name}` is an object, and a vehicle is needed"
+            self.report("KYB212", token, message, "an object", "name a vehicle")
         elif name not in scope.vehicles:
             is_point = name in scope.points
-            known = [f"{PREFIX}{name}"] if is_point else [*scope.vehicles, *scope.obstacles]
+            known = (
+                [f"{PREFIX}{name}"]
+                if is_point
+                else [*scope.vehicles, *scope.obstacles, *scope.objects]
+            )
             self.report_unknown(token, f"there is no vehicle `{name}`", known)
         return name
 
@@ -142,6 +157,13 @@ class Semantics:
         place = Token("name", name, token.end - len(name), token.end)
         self.report_unknown(place, f"the world has no obstacle `{name}`", obstacles)
         return name
+
+    def surface(self, name: str, surface: str, token: Token) -> None:
+        """Report an unknown surface of an object."""
+        known = self._scope.objects[name].surfaces
+        if surface and surface not in known:
+            place = token._replace(text=surface, start=token.end - len(surface))
+            self.report_unknown(place, f"`{name}` has no surface `{surface}`", known)
 
     def clearance(self, function: Token, vehicle: Token) -> Clearance:
         """Return the clearance of a vehicle from the obstacles that it keeps away from; report if
@@ -206,13 +228,26 @@ class Semantics:
             message = f"`{named}` is an obstacle, of which only distances can be read"
             hint = f"write `distance({scope.a_vehicle} to {named})`"
             self.report("KYB212", token, message, "an obstacle", hint)
+        elif first in scope.objects:
+            known = scope.objects[first].values
+            if rest:
+                self.report_unknown(inner, f"`{rest}` of `{first}` is unknown", known)
+            else:
+                message = f"`{first}` is an object, and one of its values is needed"
+                hint = f"write one of {', '.join(f'`{first}.{value}`' for value in known)}"
+                self.report("KYB212", token, message, "an object", hint)
         elif first in scope.inputs and rest:
             self.report_unknown(inner, f"`{first}` has no axis `{rest}`", scope.inputs[first])
         else:
             own = list(OBSERVABLES) if scope.own is not None else []
             others = [f"{v}.{name}" for v in scope.vehicles for name in OBSERVABLES]
             axes = [f"{name}.{axis}" for name, axes in scope.inputs.items() for axis in axes]
-            readable = [*own, "time", *others, *axes] if scope.kind != "health" else list(HEALTH)
+            of_objects = [f"{n}.{v}" for n, one in scope.objects.items() for v in one.values]
+            readable = (
+                [*own, "time", *others, *of_objects, *axes]
+                if scope.kind != "health"
+                else list(HEALTH)
+            )
             known = _fitting(token.text, readable, other)
             self.report_unknown(token, f"`{token.text}` is unknown", known)
 

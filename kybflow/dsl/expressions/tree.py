@@ -41,6 +41,15 @@ class Read:
 
 
 @dataclass(frozen=True, slots=True)
+class ObjectRead:
+    """A value of an object of the world. object: its name. name: a key of
+    `kybflow.parts.observables.OBJECT_OBSERVABLES`."""
+
+    object: str
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
 class Axis:
     """An axis of an input, -1 to 1."""
 
@@ -56,11 +65,12 @@ class MissionTime:
 @dataclass(frozen=True, slots=True)
 class Location:
     """A place in the world: the position of a vehicle, of its start or of its payload, fixed
-    coordinates, or an obstacle.
+    coordinates, an obstacle, or the centre of an object or of its surface.
 
     vehicle: its name; None for the vehicle whose condition this is. start: whether the vehicle's
     start is meant. payload: whether the vehicle's payload is meant. point: the fixed coordinates,
-    metres. obstacle: the name of the obstacle. Both are None if a vehicle is meant.
+    metres. obstacle, object: the name of the obstacle or the object. All are None if a vehicle is
+    meant. surface: that of the object; empty for the object itself.
     """
 
     vehicle: str | None
@@ -68,6 +78,8 @@ class Location:
     point: Vec3 | None = None
     payload: bool = False
     obstacle: str | None = None
+    object: str | None = None
+    surface: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +109,7 @@ class Clearance:
     obstacles: tuple[str, ...]
 
 
-Measured = Read | Distance | Separation | Clearance
+Measured = Read | ObjectRead | Distance | Separation | Clearance
 """The values of which there are statistics."""
 Value = Quantity | Word | Axis | MissionTime | Measured
 
@@ -247,7 +259,7 @@ def shown_value(value: Value | Aggregate) -> str:
             return quantity(number, dimension)
         case Word(text):
             return text
-        case Read(vehicle, name) | Axis(vehicle, name):
+        case ObjectRead(vehicle, name) | Read(vehicle, name) | Axis(vehicle, name):
             return f"{vehicle}.{name}" if vehicle else name
         case MissionTime():
             return "time"
@@ -257,8 +269,9 @@ def shown_value(value: Value | Aggregate) -> str:
             return f"separation({' and '.join((*vehicles, *obstacles))})"
         case Clearance(vehicle, _):
             return f"clearance({vehicle})"
-        case Aggregate(function, inner, _, state):
-            return f"{function}({shown_value(inner)}{f' in {state}' if state else ''})"
+        case Aggregate(function, inner, vehicle, state):
+            of = f"{vehicle}." if isinstance(inner, ObjectRead) else ""
+            return f"{function}({shown_value(inner)}{f' in {of}{state}' if state else ''})"
 
 
 def _place(place: Location) -> str:
@@ -266,6 +279,8 @@ def _place(place: Location) -> str:
         return "[" + " ".join(f"{c:.6g}" for c in place.point) + "]"
     if place.obstacle is not None:
         return place.obstacle
+    if place.object is not None:
+        return f"{place.object}.{place.surface}" if place.surface else place.object
     if place.vehicle is None:
         return "start"
     if place.payload:

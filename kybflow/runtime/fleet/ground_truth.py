@@ -28,7 +28,6 @@ from kybflow.parts.observables import Unavailable, View
 from kybflow.runtime.conditions import value_of
 from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.vehicle import Vehicle
-from kybflow.world.objects import ObjectState
 from kybflow.world.shapes import Box
 
 HARD_TOUCH_DOWN = 1.5
@@ -141,11 +140,6 @@ class ObjectContacts:
         self._scenes = [session.scene for session in sessions if session.scene is not None]
         self._events = events
         self._begun: dict[Contact, tuple[Time, float]] = {}
-
-    @property
-    def states(self) -> dict[str, ObjectState]:
-        """The true state of every object."""
-        return {name: state for one in self._scenes for name, state in one.states().items()}
 
     def step(self, now: Time, dt: float) -> None:
         found = {c: force for one in self._scenes for c, force in one.contacts().items()}

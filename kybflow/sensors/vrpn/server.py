@@ -26,11 +26,10 @@ from kybflow.core.geometry import LEVEL, Quat, Vec3, add, integrate
 from kybflow.core.signals import Measurement, Pose, Time, Truth
 from kybflow.dsl.plan import Plan
 from kybflow.parts import Driver, Link, Seat, Session
-from kybflow.parts.link import SimulatedScene
+from kybflow.parts.true_objects import TrueObjects
 from kybflow.sensors._stream import CHUNK, Waker
 from kybflow.sensors.simulated_motion_capture import (
     BodyStream,
-    ObjectTruths,
     SimulatedMotionCaptureParams,
     SimulatedPoses,
     truth_of,
@@ -330,7 +329,7 @@ class _Published:
     def open(self, seats: Sequence[Seat], generator: random.Random) -> Session:
         session = self._driver.open(seats, generator)
         if session.scene is not None:
-            self._bodies.add_objects(session.scene)
+            self._bodies.add_objects(session)
         for name, link in session.links.items():
             self._tap(name, link)
         return session
@@ -359,12 +358,12 @@ class _Bodies:
         for name, ball in plan.moving.items():
             self._add(name, ball.body, truth_of(ball))
 
-    def add_objects(self, scene: SimulatedScene) -> None:
+    def add_objects(self, session: Session) -> None:
         """Publish the objects of a simulator."""
-        truths = ObjectTruths(self._objects, scene)
+        truths = TrueObjects(self._objects, [session])
         for name, one in self._objects.items():
             if one.moves:
-                self._add(name, one.body, truths.of(name))
+                self._add(name, one.body, truths.truth_of(name))
 
     def _add(self, name: str, body: str | None, truth: Callable[[Time], Truth]) -> None:
         generator = random.Random(f"published {name}")

@@ -12,10 +12,11 @@ from kybflow.core.geometry import LEVEL, ZERO, Vec3
 from kybflow.core.signals import NS, SeenObstacle, Truth
 from kybflow.parts.link import Touch
 from kybflow.parts.observables import Unavailable
+from kybflow.parts.true_objects import TrueObjects
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.ground_truth import Clearances, Excursions, Impacts
 from kybflow.runtime.scores import VehicleScore
-from kybflow.runtime.views import BelievedView, TrueView
+from kybflow.runtime.views import BelievedView, KnownObjects, TrueView
 from kybflow.world.shapes import Box, MovingSphere, Sphere
 
 FLOOR, WALL = Touch("the floor", carries=True), Touch("wall", carries=False)
@@ -113,7 +114,8 @@ def test_expectations_read_where_a_moving_obstacle_is_and_conditions_where_it_wa
         moving={"ball": seen},
         truth=Truth(ZERO, ZERO, LEVEL, ZERO, None),
     )
-    true, believed = TrueView(vehicle), BelievedView(vehicle)
+    known = KnownObjects({}, {}, TrueObjects({}, ()))
+    true, believed = TrueView(vehicle, known), BelievedView(vehicle, known)
     assert true.obstacle("ball") == Sphere(ball.at(2.0), 0.25)
     assert believed.obstacle("ball") == Sphere((1.0, 0.0, 1.0), 0.75)  # half a second at 1 m/s
     vehicle.truth = None  # on hardware
