@@ -296,6 +296,18 @@ def test_lost_imu_samples_are_no_motion():
     assert told(motion, lost=lambda k: k % 60 > 40)[0] is None
 
 
+@pytest.mark.parametrize("seconds", [1.2, 4.0])
+def test_what_the_imu_integrates_while_poses_are_lost_is_not_compared(seconds: float) -> None:
+    """As while kybflow hangs: the rates of an autopilot are samples, of which most are left out."""
+    check = FrameCheck()
+    for k in range(round((REST + seconds + 2.0) * RATE)):
+        t, time = k / RATE - REST, NS + round(k * NS / RATE)
+        is_lost = 0.5 < t < 0.5 + seconds
+        check.add_imu(Imu(time, 1.0 / RATE, (0.0, 0.0, GRAVITY), (0.4 * is_lost, 0.0, 0.0)))
+        check.add_poses([] if is_lost else [Pose(time, (0.0, 0.0, 1.0), LEVEL)], t > 0.0)
+    assert check.wrong is None
+
+
 def test_an_imu_that_is_mounted_askew_is_levelled_at_rest():
     motion = Motion(((0.5, 3.0), (0.4, 2.5), (0.5, 2.0)))
     assert told(motion, mount=from_euler(0.2, -0.1, 0.0))[0] is None
