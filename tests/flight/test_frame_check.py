@@ -340,6 +340,27 @@ def test_a_slow_imu_misses_blows_and_still_tells_a_wrong_unit(factor, tells):
     assert (check.wrong is not None) is tells
 
 
+@pytest.mark.parametrize(
+    ("factor", "awaits", "tells"),
+    [(1.0, True, False), (1.0, False, True), (1e-3, True, True)],
+)
+def test_in_the_land_mode_of_an_autopilot_a_blow_that_fine_samples_miss_is_no_wrong_frame(
+    factor: float, awaits: bool, tells: bool
+) -> None:
+    """It sinks, touches down between two samples, and later climbs faster and faster."""
+    check = FrameCheck()
+    for k in range(1, 400):
+        time, t = k * NS // 100, (k - 50) / 100
+        climbs = max(t - 2.0, 0.0)
+        height = 0.7 - 0.7 * min(max(t, 0.0), 1.0) + climbs**3 / 3.0
+        check.add_imu(Imu(time, 0.01, (0.0, 0.0, GRAVITY + 2.0 * climbs), ZERO))
+        pose = Pose(time, (0.0, 0.0, factor * height), LEVEL)
+        check.add_poses([pose], t > -0.1, awaits and t < 2.0)
+        if awaits and t < 2.0:
+            assert check.wrong is None
+    assert (check.wrong is not None) is tells
+
+
 def test_it_ends_at_rest_and_knows_the_slant_of_the_body():
     check = FrameCheck()
     slanted = from_euler(radians(20.0), 0.0, 0.5)
