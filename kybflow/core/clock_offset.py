@@ -5,7 +5,7 @@ delay, which is never negative. The smallest reading is therefore an upper bound
 close to it once one message was fast (the minimum filter of NTP, RFC 5905 sec. 10, one way). The
 estimate is the minimum over the last ten seconds, in buckets of one second; it follows a drift of
 100 ppm within 1 ms. Its error is the minimum delay (under 0.2 ms on a LAN), which no one-way method
-can observe.
+can observe. Shorter buckets follow a clock that drifts more, such as that of a simulator.
 
 A single wrong time stamp far ahead would be the minimum for ten seconds. A reading that is more
 than `MAX_LEAD_NS` below the estimate, or that comes before there is an estimate, is therefore
@@ -37,11 +37,13 @@ MOST_DOUBTED = 50
 class Offset:
     """Estimates the offset to add to a remote time to get local time, in nanoseconds.
 
+    bucket: the length of the buckets, ns.
     is_doubted: whether the newest reading was too far below the estimate to be accepted.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, bucket: Time = BUCKET) -> None:
         self.is_doubted = False
+        self._length = bucket
         self._least: deque[Time] = deque(maxlen=BUCKETS)
         self._bucket: Time | None = None
         self._now: Time | None = None
@@ -59,7 +61,7 @@ class Offset:
                 self.is_doubted = believed is not None
                 return reading
             reading = agreed
-        self._now = self._taken(here // BUCKET, reading)
+        self._now = self._taken(here // self._length, reading)
         return self._now
 
     def _agreed(self, here: Time, there: Time, reading: Time) -> Time | None:
@@ -82,7 +84,8 @@ class Offset:
         if bucket == self._bucket:
             least[-1] = min(least[-1], reading)
             return min(least)
-        if self._bucket is not None and bucket > self._bucket + BUCKETS:
+        silent = 0 if self._bucket is None else (bucket - self._bucket) * self._length
+        if silent > BUCKETS * BUCKET:
             least.clear()
         elif least and least[-1] > min(least) + CLOCK_STEP_NS:
             last = least[-1]

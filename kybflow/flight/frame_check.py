@@ -74,7 +74,9 @@ COMPARISON_PERIOD_NS: Time = NS // 21
 SPAN_COMPARISONS = 3
 """Comparisons in h, so that h is 0.15 s."""
 MAX_SPAN_S = 1.0
-"""Longest time of the three moments, s; after a longer one, poses were lost."""
+"""Longest time of the three moments, s; after a longer one, poses were lost, and the integral of an
+IMU whose samples miss much is of no use. After 4 s of it a PX4 that stood on the ground seemed
+tilted by 27 degrees."""
 MIN_DIFFERENCE = 0.6
 """The difference of accelerations below which nothing is wrong, m/s^2."""
 _AGREEING_SQUARE = (0.5 * MIN_DIFFERENCE) ** 2
@@ -109,7 +111,8 @@ SETTLING_TIME_NS, MOVED_TIME_NS = NS, 3 * NS
 """Time after which it rests again, and after which it stands otherwise than before, ns."""
 MAX_FINE_SAMPLE_S = 0.0125
 """Longest interval (s) of IMU samples that don't miss a blow such as the touch-down. Otherwise the
-blow is in all comparisons of 2 h, so that as many more in a row must show a wrong frame."""
+blow is in all comparisons of 2 h, so that as many more in a row must show a wrong frame. So must
+they in an autopilot's land mode: a PX4's samples missed a touch-down of 0.5 m/s at any rate."""
 MAX_SAMPLE_S, MAX_GAP_NS = 0.045, NS // 8
 """Longest interval of IMU samples of which the integral is exact enough, s: autopilots send 25 a
 second. Longest gap between samples, ns."""
@@ -164,6 +167,7 @@ class FrameCheck:
         "_across",
         "_agrees",
         "_attitude",
+        "_awaits_blow",
         "_bias",
         "_coarse",
         "_expects",
@@ -210,6 +214,7 @@ class FrameCheck:
         self._stirred: Time = -SETTLING_TIME_NS
         self._rests, self._jolted, self._agrees, self._expects = True, False, False, False
         self._coarse = self._seldom = True
+        self._awaits_blow = False
         self._rested, self._felt, self._turned, self._levelled = 0.0, ZERO, ZERO, LEVEL
         self._bias = self._noise = self._shaking = 0.0
         self._seen: tuple[Vec3, ...] = ()
@@ -253,10 +258,13 @@ class FrameCheck:
         self._waiting.append(imu)
         self._newest = imu.time
 
-    def add_poses(self, measurements: Sequence[Measurement], rotors_turn: bool) -> None:
+    def add_poses(
+        self, measurements: Sequence[Measurement], rotors_turn: bool, awaits_blow: bool = False
+    ) -> None:
         """Process the poses among the measurements that are due, each with the IMU samples before
         it, whichever of the two is late. rotors_turn: whether the rotors turn, so that the vehicle
-        may fly."""
+        may fly. awaits_blow: whether it may touch down in its own land mode."""
+        self._awaits_blow = awaits_blow
         for measurement in measurements:
             if isinstance(measurement, Pose) and measurement.time >= self.due:
                 time = measurement.time
@@ -292,7 +300,12 @@ class FrameCheck:
         elapsed, known = self._since - begun, fsum(piece[2] for piece in pieces) * NS
         if self.wrong is not None:
             self._integrate(pieces)
-        elif not 0.5 * elapsed < known < 2.0 * elapsed or self._jolted or not self.is_judged:
+        elif (
+            not 0.5 * elapsed < known < 2.0 * elapsed
+            or elapsed > MAX_SPAN_S * NS
+            or self._jolted
+            or not self.is_judged
+        ):
             self._restart(pose)
         elif abs(angle[2]) > MAX_SPIN * seconds:
             self._restart(pose)
@@ -386,7 +399,7 @@ class FrameCheck:
         self._agrees, self._upward, self._across = False, 0, 0
 
     def _restart(self, pose: Pose) -> None:
-        """Begin again: samples are missing, a blow was not resolved, or it spins."""
+        """Begin again: samples or poses are missing, a blow was not resolved, or it spins."""
         self._begin()
         self._attitude = multiply(pose.attitude, self._levelled)
 
@@ -501,7 +514,8 @@ class FrameCheck:
         self._upward = self._upward + 1 if up > up_bound else 0
         self._across = self._across + 1 if across > across_bound else 0
         self._pairs.append((seen, felt))
-        needed = NEEDED_COMPARISONS + 2 * SPAN_COMPARISONS if self._coarse else NEEDED_COMPARISONS
+        misses = self._coarse or self._awaits_blow
+        needed = NEEDED_COMPARISONS + (2 * SPAN_COMPARISONS if misses else 0)
         if self.wrong is None and max(self._upward, self._across) >= needed:
             value, bound = (up, up_bound) if self._upward else (across, across_bound)
             self.wrong = WrongFrame(explained(self._pairs), value, bound)

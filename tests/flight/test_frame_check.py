@@ -296,6 +296,18 @@ def test_lost_imu_samples_are_no_motion():
     assert told(motion, lost=lambda k: k % 60 > 40)[0] is None
 
 
+@pytest.mark.parametrize("seconds", [1.2, 4.0])
+def test_what_the_imu_integrates_while_poses_are_lost_is_not_compared(seconds: float) -> None:
+    """As while kybflow hangs: the rates of an autopilot are samples, of which most are left out."""
+    check = FrameCheck()
+    for k in range(round((REST + seconds + 2.0) * RATE)):
+        t, time = k / RATE - REST, NS + round(k * NS / RATE)
+        is_lost = 0.5 < t < 0.5 + seconds
+        check.add_imu(Imu(time, 1.0 / RATE, (0.0, 0.0, GRAVITY), (0.4 * is_lost, 0.0, 0.0)))
+        check.add_poses([] if is_lost else [Pose(time, (0.0, 0.0, 1.0), LEVEL)], t > 0.0)
+    assert check.wrong is None
+
+
 def test_an_imu_that_is_mounted_askew_is_levelled_at_rest():
     motion = Motion(((0.5, 3.0), (0.4, 2.5), (0.5, 2.0)))
     assert told(motion, mount=from_euler(0.2, -0.1, 0.0))[0] is None
@@ -324,6 +336,27 @@ def test_a_slow_imu_misses_blows_and_still_tells_a_wrong_unit(factor, tells):
             check.add_imu(Imu(time, 0.04, (0.0, 0.0, GRAVITY + 2.0 * climbs), ZERO))
         check.add_poses([Pose(time, (0.0, 0.0, factor * height), LEVEL)], rotors_turn=t > -0.1)
         if t < 2.0:
+            assert check.wrong is None
+    assert (check.wrong is not None) is tells
+
+
+@pytest.mark.parametrize(
+    ("factor", "awaits", "tells"),
+    [(1.0, True, False), (1.0, False, True), (1e-3, True, True)],
+)
+def test_in_the_land_mode_of_an_autopilot_a_blow_that_fine_samples_miss_is_no_wrong_frame(
+    factor: float, awaits: bool, tells: bool
+) -> None:
+    """It sinks, touches down between two samples, and later climbs faster and faster."""
+    check = FrameCheck()
+    for k in range(1, 400):
+        time, t = k * NS // 100, (k - 50) / 100
+        climbs = max(t - 2.0, 0.0)
+        height = 0.7 - 0.7 * min(max(t, 0.0), 1.0) + climbs**3 / 3.0
+        check.add_imu(Imu(time, 0.01, (0.0, 0.0, GRAVITY + 2.0 * climbs), ZERO))
+        pose = Pose(time, (0.0, 0.0, factor * height), LEVEL)
+        check.add_poses([pose], t > -0.1, awaits and t < 2.0)
+        if awaits and t < 2.0:
             assert check.wrong is None
     assert (check.wrong is not None) is tells
 

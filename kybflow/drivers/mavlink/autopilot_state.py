@@ -31,7 +31,7 @@ from kybflow.drivers.mavlink.protocol.framing import LAYOUTS, NUMBERS, Message, 
 from kybflow.drivers.mavlink.protocol.signing import SIGNATURE_BYTES
 from kybflow.drivers.mavlink.telemetry import received_status
 from kybflow.drivers.mavlink.telemetry import truth as ground_truth
-from kybflow.drivers.mavlink.telemetry.clocks import BootClock, TimeSync
+from kybflow.drivers.mavlink.telemetry.clocks import SIMULATOR_BUCKET, BootClock, TimeSync
 from kybflow.drivers.mavlink.telemetry.measurements import BatteryReports, Telemetry
 from kybflow.drivers.mavlink.telemetry.parameters import AutopilotParameters
 from kybflow.drivers.mavlink.telemetry.received_status import (
@@ -74,7 +74,8 @@ class AutopilotState:
         params, context = seat.params, seat.context
         self.port, self.profile, self.target = port, profile, (port.system, AUTOPILOT)
         self.is_outside = params.position == "outside"
-        self.status, self.clock = ReceivedStatus(), BootClock()
+        self.status = ReceivedStatus()
+        self.clock = BootClock() if truth is None else BootClock(SIMULATOR_BUCKET)
         self.sync = TimeSync(self.clock)
         self.requests = CommandRequests(
             self.status, target=self.target, own_system=params.own_system

@@ -36,7 +36,7 @@ from __future__ import annotations
 from math import hypot, sqrt
 
 from kybflow.core.geometry import distance
-from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
+from kybflow.core.signals import Done, Estimate, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Duration, Length, Position, Speed, Vec3
 from kybflow.flight.landing_place import Below, place_beside, what_is_below
 from kybflow.flight.motion import (
@@ -66,6 +66,9 @@ _ABOVE_TIME_S = 0.5
 _FRESH_S = 0.3
 """Seconds without new measurements after which a constant height doesn't prove that the vehicle is
 on the ground."""
+_LONGEST_TICK_S = 0.25
+"""Seconds since the last tick after which the program hung: the descent goes on from where the
+vehicle is, not from where the setpoint would have been, which would pull it down faster."""
 
 
 @params
@@ -146,7 +149,7 @@ class Land(
         if self._descends and gap > 2.0 * p.tolerance and self._waited < p.patience:
             self._waited += tick.dt
             waits = True
-        pull = self._descend(tick.dt, own[2], waits)
+        pull = self._descend(tick.dt, estimate, waits)
         setpoint = self._setpoint(tick.elapsed, pull)
         self._stalled += 0.0 if waits else tick.dt
         if self._stalled > p.patience:
@@ -220,10 +223,12 @@ class Land(
             self._level = self._average
         return self._settled.reached(stays, _DWELL_FACTOR * self.params.dwell, dt) or stopped
 
-    def _descend(self, dt: float, own: float, waits: bool) -> float:
+    def _descend(self, dt: float, estimate: Estimate, waits: bool) -> float:
         """Lower the setpoint by one tick, or slow it to a stop if the descent `waits`. Return its
         vertical acceleration (m/s^2)."""
-        p = self.params
+        p, own = self.params, estimate.position[2]
+        if dt > _LONGEST_TICK_S:
+            self._height, self._climb, dt = own, min(estimate.velocity[2], 0.0), _LONGEST_TICK_S
         slow = min(p.slow_speed, p.speed)
         above = max(self._height - self._ground - p.slow_below, 0.0)
         wanted = -min(p.speed, sqrt(slow * slow + 2.0 * p.acceleration * above))

@@ -225,9 +225,9 @@ class Knowledge:
         if self._confirms:
             link.subscribe_briefly(frozenset({Imu}))
 
-    def update(self, now: Time, airborne: bool) -> Estimate | None:
+    def update(self, now: Time, airborne: bool, in_land_mode: bool = False) -> Estimate | None:
         """Read the measurements; update and return the estimate. airborne: whether the vehicle
-        is off the ground and its rotors turn."""
+        is off the ground and its rotors turn. in_land_mode: whether it is in its own land mode."""
         self.now = now
         measurements = self._listen(now, self._accept)
         if self.sensing.streams:
@@ -235,7 +235,7 @@ class Knowledge:
         if measurements or now >= self._body.due:
             measurements = self._body.measured(measurements, now, airborne)
         if now >= self.frame.due:
-            self.frame.add_poses(measurements, self.resting.rotors_turn)
+            self.frame.add_poses(measurements, self.resting.rotors_turn, in_land_mode)
             if self._confirms and self.frame.is_confirmed:
                 self._confirms = not self.link_in.subscribe_briefly(frozenset())
         if self._hides_imu:

@@ -200,7 +200,8 @@ class Vehicle:
 
     def sense(self, now: Time) -> Estimate | None:
         """Read the link, and update and return the estimate."""
-        estimate = self.knowledge.update(now, self._reactions.airborne)
+        in_land_mode = self.runner.land_mode is not None
+        estimate = self.knowledge.update(now, self._reactions.airborne, in_land_mode)
         if self.link_out.tells_position and not self._is_misled:
             position = self._external_position.of(estimate)
             if position is not None:

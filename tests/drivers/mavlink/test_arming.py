@@ -19,7 +19,7 @@ from scripted_autopilot import (
 
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import LEVEL, ZERO
-from kybflow.core.signals import Command
+from kybflow.core.signals import Command, CommandKind, Setpoint, SetpointKind
 from kybflow.drivers.mavlink.control.arming import FORCE
 
 
@@ -159,6 +159,25 @@ def test_what_was_landed_by_thrust_idles_until_it_detects_the_landing():
     bench.fake.sent.clear()
     bench.run(0.5, RESTING)
     assert bench.fake.took("SET_ATTITUDE_TARGET") == []
+
+
+@pytest.mark.parametrize(
+    ("name", "height", "idles"),
+    [("px4", 0.1, True), ("px4", 0.5, False), ("ardupilot", 0.1, False)],
+)
+def test_only_a_px4_landed_by_accelerations_idles_and_only_near_the_ground(name, height, idles):
+    """It doesn't detect the landing otherwise, and its land mode would lift it."""
+    bench = flying(name)
+    sinks = Setpoint(SetpointKind.ACCELERATION, None, None, (0.0, 0.0, -0.5), heading=0.0)
+    bench.fake.position = (0.0, 0.0, height)
+    bench.run(0.5, Command(LEVEL, 0.0, ZERO, 0.0, True, CommandKind.ACCELERATION, sinks))
+    bench.run(0.1, RESTING)
+    bench.fake.sent.clear()
+    bench.run(0.5, RESTING)
+    assert bool(bench.fake.took("SET_ATTITUDE_TARGET")) is idles
+    assert bench.fake.mode == bench.fake.profile.modes["offboard" if idles else "land"]
+    bench.run(3.0, RESTING)
+    assert bench.fake.mode == bench.fake.profile.modes["land"]
 
 
 def test_what_was_landed_by_thrust_and_does_not_detect_it_lands_by_its_own_mode():

@@ -12,7 +12,14 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
 from kybflow.core.signals import NS, Time
-from kybflow.drivers.mavlink.telemetry.clocks import MS, PERIOD_NS, BootClock, TimeSync, boot_time
+from kybflow.drivers.mavlink.telemetry.clocks import (
+    MS,
+    PERIOD_NS,
+    SIMULATOR_BUCKET,
+    BootClock,
+    TimeSync,
+    boot_time,
+)
 
 TICK: Time = 4 * MS
 BOOTED: Time = -40 * NS
@@ -46,6 +53,21 @@ def test_a_drift_of_100_ppm_is_followed() -> None:
         true = number * 10 * MS
         stamp = clock.to_run(round(true * 1.0001) - BOOTED, true)
     assert abs(stamp - true) < 2 * MS
+
+
+def test_a_simulator_that_falls_behind_is_followed() -> None:
+    """It is slow by 0.5 % and stops for 0.1 s; then kybflow hangs for 2 s."""
+    clock, boot, errors = BootClock(SIMULATOR_BUCKET), -BOOTED, dict[int, Time]()
+    for tick in range(2000):
+        boot += 0 if 500 <= tick < 525 else round(TICK * 0.995)
+        if not 1000 <= tick < 1500:
+            errors[tick] = tick * TICK - clock.to_run(boot, tick * TICK)
+    assert max(errors[tick] for tick in errors if tick < 500 or 600 <= tick < 1500) < 2 * MS
+    assert max(errors[tick] for tick in errors if tick >= 1500) < 16 * MS
+    assert max(errors[tick] for tick in errors if tick >= 1575) < 2 * MS
+    held = known(BootClock(SIMULATOR_BUCKET))
+    stamps = [held.to_run(NS + t * MS - BOOTED, 3 * NS) - NS for t in range(0, 2000, 10)]
+    assert stamps == [t * MS for t in range(0, 2000, 10)]
 
 
 @given(st.lists(st.tuples(st.integers(1, 30), st.integers(0, 400)), min_size=2, max_size=60))

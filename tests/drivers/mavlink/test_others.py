@@ -118,6 +118,21 @@ def test_its_rest_once_set_points_have_stopped_is_nobody_elses(others: OtherComm
     assert others.take() == []
 
 
+def test_the_target_of_its_own_take_off_is_nobody_elses_until_we_send(
+    others: OtherCommanders,
+) -> None:
+    """As Copter's, in the air, while this process hangs before its first setpoint."""
+    others.sent(sent(ACCELERATION, *STILL, *STILL, 0.0, 0.0, -1.0), 0)
+    others.follow_nobody()
+    for step in range(8):
+        others.follows(followed(POSITION, *STILL, *STILL, *STILL), step * NS // 4)
+    assert others.take() == []
+    for step in range(8, 12):
+        others.sent(sent(ACCELERATION, *STILL, *STILL, 0.0, 0.0, -1.0), step * NS // 4)
+        others.follows(followed(POSITION, *STILL, *STILL, *STILL), step * NS // 4)
+    assert len(others.take()) == 1
+
+
 def test_our_last_set_point_is_ours_however_late_it_is_heard(others: OtherCommanders) -> None:
     others.sent(sent(ACCELERATION, *STILL, *STILL, 1.5, 0.0, 0.0), 0)
     for _ in range(4):

@@ -149,6 +149,17 @@ def test_a_descent_that_was_broken_off_goes_on_as_fast_as_it_was() -> None:
     assert first.velocity[2] == pytest.approx(-0.4, abs=0.01)
 
 
+def test_after_a_hang_the_descent_goes_on_from_where_the_vehicle_is() -> None:
+    behavior, low = Land(LandParams(), entry(START, (0.0, 0.0, -0.4))), (0.3, 0.4, 0.2)
+    before = behavior.update(tick(0.0, estimate(START, (0.0, 0.0, -0.4))))
+    after = behavior.update(tick(1.0, estimate(low, (0.0, 0.0, -0.1)), before)._replace(dt=1.0))
+    assert isinstance(after, Setpoint)
+    assert after.position is not None
+    assert low[2] - 0.06 < after.position[2] < low[2]
+    assert after.velocity is not None
+    assert -0.3 < after.velocity[2] < 0.0
+
+
 POINT = (1.0, -0.2, 0.0)
 
 

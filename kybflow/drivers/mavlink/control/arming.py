@@ -35,7 +35,7 @@ known."""
 DISARM_BY_LANDING_NS: Time = NS
 """How long disarming on the ground may take before the vehicle is put into its own land mode."""
 IDLE_TIME_NS: Time = 2 * NS
-"""How long a vehicle whose filter may be wrong is commanded to idle after its landing. PX4 and
+"""How long a vehicle whose land mode would do harm is commanded to idle after its landing. PX4 and
 ArduPilot detect a landing within a second."""
 LANDED_STATE_TIMEOUT_NS: Time = 5 * NS
 """The time after which disarming is requested even if the autopilot doesn't report that it has
@@ -121,15 +121,17 @@ class Disarming:
     ground, or doesn't disarm there within a second, is put into its own land mode, which detects
     the landing. `is_retrying`: whether it is too early to report a refusal.
 
-    is_misled: whether kybflow landed the vehicle by thrust and had stopped sending it positions, as
-    in a wrong frame. Its filter may then be wrong, and the land mode would tilt the vehicle on the
-    ground to correct it. So the vehicle is first commanded to idle for up to `IDLE_TIME_NS`, in
-    which it detects the landing."""
+    avoids_mode: whether the land mode would do harm on the ground, so that the vehicle is first
+    commanded to idle for up to `IDLE_TIME_NS`, in which it detects the landing. That is so in two
+    cases. If kybflow landed the vehicle by thrust and had stopped sending it positions, as in a
+    wrong frame, its filter may be wrong, and the mode would tilt the vehicle to correct it. If
+    kybflow landed a PX4 by accelerations, the mode lifted it by up to 0.2 m, and it came down again
+    with up to 0.7 m/s."""
 
     def __init__(
-        self, status: ReceivedStatus, requests: CommandRequests, modes: Modes, is_misled: bool
+        self, status: ReceivedStatus, requests: CommandRequests, modes: Modes, avoids_mode: bool
     ) -> None:
-        self._status, self._modes, self._is_misled = status, modes, is_misled
+        self._status, self._modes, self._avoids_mode = status, modes, avoids_mode
         self._disarm = Retries(requests, ARM_DISARM, (0.0,))
         self._begun: Time | None = None
         self.is_retrying = status.armed
@@ -146,7 +148,7 @@ class Disarming:
     def idles(self, now: Time) -> bool:
         """Return whether the vehicle must be commanded to idle."""
         since = now if self._begun is None else self._begun
-        return self._is_misled and self._status.armed and now - since <= IDLE_TIME_NS
+        return self._avoids_mode and self._status.armed and now - since <= IDLE_TIME_NS
 
     def step(self, now: Time) -> None:
         self.is_retrying = self._status.armed and (

@@ -41,7 +41,7 @@ LIFTED_BY_SETPOINT = frozenset({CommandKind.POSITION, CommandKind.ACCELERATION})
 """Kinds of commands that are raised until the vehicle has lifted off; the others lift it as they
 are."""
 IDLE = Command(LEVEL, 0.0, ZERO, None)
-"""The command of a vehicle that was landed by thrust, until it is disarmed."""
+"""The command of a landed vehicle that avoids its land mode, until it is disarmed."""
 
 
 class OffboardGoal(Enum):
@@ -83,7 +83,7 @@ class OffboardControl:
         self._arming_time, self._resumes = arming_time, resumes
         self._knows_position = knows_position
         self._arming: Arming | None = None
-        self._disarming = Disarming(status, requests, self.modes, is_misled=False)
+        self._disarming = Disarming(status, requests, self.modes, avoids_mode=False)
         self._motor_stop = MotorStop(status, requests)
         first = self._stream if profile.streams_first else None
         self._preflight_mode = PreflightMode(self.modes, first, hold, self._step_mode)
@@ -149,12 +149,14 @@ class OffboardControl:
         return self._preflight_mode.step(now)
 
     def disarm(self, now: Time) -> None:
-        by_thrust = self.goal is OffboardGoal.FOLLOW and self._stream.kind in THRUSTS
-        is_misled = by_thrust and not self._knows_position(now)
+        kind = self._stream.kind if self.goal is OffboardGoal.FOLLOW else None
+        is_misled = kind in THRUSTS and not self._knows_position(now)
+        by_acceleration = kind is CommandKind.ACCELERATION and self._profile.needs_descent
+        avoids_mode = is_misled or (by_acceleration and self._lift_off.is_low)
         self._begin(OffboardGoal.DISARM, now)
         self._stream.stop()
         self.modes.want(None)
-        self._disarming = Disarming(self._status, self._requests, self.modes, is_misled)
+        self._disarming = Disarming(self._status, self._requests, self.modes, avoids_mode)
 
     def cut(self, now: Time) -> None:
         """Stop the rotors, even if a pilot or another program controls the vehicle."""

@@ -8,7 +8,9 @@ does:
 - the target that it reports (POSITION_TARGET_LOCAL_NED) while it follows setpoints in the air. The
   first field used, of position, velocity and acceleration, must be near that of a setpoint of ours
   that no newer one had replaced a second ago. If two programs send setpoints, both firmwares
-  alternate between them, and report which they follow. A target at rest is ignored: Copter rests
+  alternate between them, and report which they follow. A position of zero before our first
+  setpoint in the air is ignored: Copter reports it after its own take-off, and for longer if this
+  process hangs then. So is a target at rest: Copter rests
   once setpoints stop. So is an acceleration of 100 m/s^2 downwards: PX4 replaces every target with
   it while it detects ground contact;
 - acknowledgements of commands from others (PX4 broadcasts them);
@@ -26,7 +28,7 @@ from math import isfinite
 from types import MappingProxyType
 from typing import NamedTuple
 
-from kybflow.core.geometry import Vec3, distance, norm
+from kybflow.core.geometry import ZERO, Vec3, distance, norm
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.control.requests import name_of
 from kybflow.drivers.mavlink.protocol.codec import NO_ACCELERATION, NO_POSITION, NO_VELOCITY
@@ -75,6 +77,7 @@ class OtherCommanders:
         self.stations: set[int] = set()
         self._system, self._own = system, own_system
         self._sent: deque[tuple[Time, Message]] = deque(maxlen=MOST_SENT)
+        self._has_sent = True
         self._foreign: deque[Time] = deque(maxlen=FOREIGN_TARGETS)
         self._reported: dict[str, Time] = {}
         self._new: list[str] = []
@@ -88,6 +91,7 @@ class OtherCommanders:
 
     def sent(self, message: Message, now: Time) -> None:
         """Record a setpoint of ours."""
+        self._has_sent = True
         self._sent.append((now, message))
 
     def follows(self, message: Message, now: Time) -> None:
@@ -98,7 +102,8 @@ class OtherCommanders:
             return
         field, value = target
         rests = (field > 0 and norm(value) <= REST_TOLERANCE) or (field == 2 and value == NO_THRUST)
-        if rests or self._is_ours(target, now):
+        takes_off = not self._has_sent and field == 0 and value == ZERO
+        if rests or takes_off or self._is_ours(target, now):
             return
         self._foreign.append(now)
         if len(self._foreign) == FOREIGN_TARGETS and now - self._foreign[0] <= FOREIGN_WINDOW_NS:
@@ -113,6 +118,7 @@ class OtherCommanders:
     def follow_nobody(self) -> None:
         """Record that the autopilot doesn't follow setpoints now. Targets seen while it changes its
         mode are its own, so earlier findings are discarded."""
+        self._has_sent = False
         self._foreign.clear()
 
     def _is_ours(self, target: _Target, now: Time) -> bool:

@@ -143,6 +143,8 @@ class FirmwareProfile:
     renamed: parameter names in other firmware versions, by the names used here.
     streams_first: whether setpoints must be sent before it accepts `offboard`.
     climbs: whether it leaves the ground only by its own take-off.
+    needs_descent: whether it detects a landing only if a downward velocity or a thrust is
+        commanded, not with accelerations, and its land mode lifts a vehicle on the ground at first.
     needs_origin: whether it needs a geographic position before it has a position.
     raises: whether it raises the thrust with the tilt itself.
     integer_parameters_bytewise: whether the bytes of an integer are sent in the float field.
@@ -180,6 +182,7 @@ class FirmwareProfile:
     renamed: Mapping[str, str]
     streams_first: bool
     climbs: bool
+    needs_descent: bool
     needs_origin: bool
     raises: bool
     integer_parameters_bytewise: bool

@@ -183,7 +183,7 @@ PROFILE = FirmwareProfile(
         }
     ),
     polled=frozenset(), indoors=INDOORS, dangers=DANGERS, renamed=RENAMED,
-    streams_first=False, climbs=True, needs_origin=True, raises=True,
+    streams_first=False, climbs=True, needs_descent=False, needs_origin=True, raises=True,
     integer_parameters_bytewise=False, hover_parameter="MOT_THST_HOVER", reaction="FS_GCS_ENABLE",
     feeds=("VISO_TYPE", "EK3_SRC1_POSXY", "EK3_SRC1_POSZ", "EK3_SRC1_YAW"),
     feeds_own=("GPS_TYPE", "EK3_SRC1_POSXY"), latency=Latency(position=0.1, acceleration=0.2),

@@ -176,7 +176,7 @@ PROFILE = FirmwareProfile(
     polled=frozenset({"HEARTBEAT"}),
     indoors=INDOORS,
     dangers=DANGERS, renamed=MappingProxyType({}),
-    streams_first=True, climbs=False, needs_origin=False, raises=False,
+    streams_first=True, climbs=False, needs_descent=True, needs_origin=False, raises=False,
     integer_parameters_bytewise=True, hover_parameter="MPC_THR_HOVER", reaction="COM_OBL_RC_ACT",
     feeds=("EKF2_EV_CTRL", "EKF2_HGT_REF"), feeds_own=("EKF2_GPS_CTRL",),
     latency=Latency(position=0.12, acceleration=0.2), keeps_height=False, takeoff_height=0.5,

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from kybflow.core.clock_offset import Offset
+from kybflow.core.clock_offset import BUCKET, Offset
 from kybflow.core.signals import NS, Time
 from kybflow.drivers.mavlink.protocol.framing import Message, mavlink
 
@@ -28,6 +28,11 @@ REBOOT_STAMPS = 3
 """After this many such stamps in a row the autopilot counts as rebooted."""
 LONGEST_UP = 10 * 365 * 86400 * NS
 """A larger stamp counts from 1970 instead of from the boot."""
+SIMULATOR_BUCKET: Time = NS // 50
+"""The bucket for a firmware's own simulator, ns. PX4's clock was slow by 0.5 % there, and stood
+still for 0.1 s after arming and when the machine was busy. With buckets of a second, the IMU was
+stamped 0.05 to 0.15 s before the poses, which have no stamps, and the frame of motion capture
+seemed wrong."""
 PERIOD_NS: Time = NS // 5
 """The interval between two requests. After a link has held messages back and delivered them all at
 once, the last round trip is no longer than this, however long the delay was."""
@@ -37,11 +42,12 @@ MOST_AWAITED = 20
 
 class BootClock:
     """Converts an autopilot's stamps to the run's time. `reboots`: the number of reboots since the
-    autopilot's first message."""
+    autopilot's first message. bucket: that of the offset; `SIMULATOR_BUCKET` for a simulator."""
 
-    def __init__(self) -> None:
+    def __init__(self, bucket: Time = BUCKET) -> None:
         self.reboots = 0
-        self._offset = Offset()
+        self._bucket = bucket
+        self._offset = Offset(bucket)
         self._known: Time | None = None
         self._newest: tuple[Time, Time] | None = None
         self._back = 0
@@ -54,7 +60,7 @@ class BootClock:
             if self._back < REBOOT_STAMPS:
                 return now
             self.reboots += 1
-            self._offset, self._newest = Offset(), None
+            self._offset, self._newest = Offset(self._bucket), None
         self._back = 0
         offset = self._offset.of(now, boot)
         if self._offset.is_doubted:
