@@ -28,7 +28,7 @@ STAGES = (
 BUDGET = {
     1: {
         "simulator": 8508,
-        "engine and vehicle": 2255,
+        "engine and vehicle": 2336,
         "tracker": 1871,
         "estimator": 1866,
         "processors": 384,
@@ -47,11 +47,12 @@ BUDGET = {
         "supervisors": 603,
     },
 }
-"""Bytecodes a vehicle and tick, by the number of vehicles, in a plain install, at 125 ticks and
-500 physics steps a second. The simulator's are a third rotors and IMU, which MuJoCo does not
-compute, and a quarter the lab: what its air does, filters, delays and vibration. The tracker has a
+"""Bytecodes a vehicle and tick, by the number of vehicles, in a plain install, at 125 ticks and 500
+physics steps a second. The simulator's are a third rotors and IMU, which MuJoCo does not compute,
+and a quarter the lab: what its air does, filters, delays and vibration. The tracker has a
 disturbance observer, for which the IMU is read and recorded, and by which the estimator levels and
-times its poses."""
+times its poses. The engine tells the frame check whether the autopilot lands.
+"""
 
 
 @needs_repeatable_counts
