@@ -32,6 +32,7 @@ from kybflow.dsl.expressions.reasoning import (
     physical_bounds,
 )
 from kybflow.dsl.expressions.tree import Value, quantity, shown_value
+from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import StatePlan, TransitionPlan, VehiclePlan
 from kybflow.parts import AIR
 
@@ -168,12 +169,14 @@ def never_injected(case: Case) -> Iterator[Diagnostic]:
         if condition is None:
             continue
         usual = reaches_of(case)(fault.vehicle).usual
+        longest = dict.fromkeys(BUILT_IN, inf)
+        longest |= {name: _longest(case, vehicle, s) for name, s in vehicle.states.items()}
         if all(
             never_holds(
-                tree.And((condition, _is_in(vehicle.name, state.name))),
-                _within(vehicle.name, _longest(case, vehicle, state), usual),
+                tree.And((condition, _is_in(vehicle.name, state))),
+                _within(vehicle.name, seconds, usual),
             )
-            for state in vehicle.states.values()
+            for state, seconds in longest.items()
         ):
             yield Diagnostic(
                 "KYB576",
