@@ -38,7 +38,7 @@ BUDGET = {
     },
     8: {
         "simulator": 8065,
-        "engine and vehicle": 2055,
+        "engine and vehicle": 2130,
         "tracker": 1871,
         "estimator": 1859,
         "processors": 384,
