@@ -46,8 +46,9 @@ from kybflow.world.shapes import Box
 _MAX_ACCELERATION = 2.5
 """The largest acceleration (m/s^2) with which the setpoint is kept away from obstacles."""
 _MAX_JERK = 15.0
-"""The largest change of the setpoint's acceleration, m/s^3. Between surfaces that leave no way out
-the change of velocity alternates from tick to tick, which must not shake the vehicle."""
+"""The largest change of what surfaces add to the setpoint's acceleration, m/s^3. Between surfaces
+that leave no way out the change of velocity alternates from tick to tick, which must not shake the
+vehicle."""
 _TURN_ACCELERATION = 4.0
 """The largest angular acceleration of the heading, rad/s^2."""
 _FELT_DISTANCE = 0.5
@@ -95,7 +96,7 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
             raise Refused(f"`{params.input}` is lost")
         self._context, self._surroundings = entry.context, Nearby(entry.context)
         self._position, self._velocity = entry.motion.position, entry.motion.velocity
-        self._acceleration = ZERO
+        self._correction = ZERO
         self._heading, self._rate = entry.heading, 0.0
         self._hand = Hand(params.input, entry)
 
@@ -106,7 +107,8 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         level = self._level(x, y, dt, brakes=brakes)
         rise = _towards(before[2], z * p.climb, p.acceleration * dt)
         surfaces = tuple(self._surfaces(tick))
-        asked = bounded((*level, rise), surfaces)
+        steered = (*level, rise)
+        asked = bounded(steered, surfaces)
         self._let_feel(x, y, z, surfaces, tick)
         change = shortened(sub(asked, before), _MAX_ACCELERATION * dt)
         self._velocity = velocity = add(before, change)
@@ -114,10 +116,13 @@ class Steer(Behavior[SteerParams], flight=AIR >> AIR, emits=SetpointKind.POSITIO
         self._position = add(self._position, mean)
         self._rate = _towards(self._rate, turn * p.turn_rate, _TURN_ACCELERATION * dt)
         self._heading = wrap(self._heading + self._rate * dt)
+        acceleration = ZERO
         if dt > 0.0:
-            sharply = sub(scale(change, 1.0 / dt), self._acceleration)
-            self._acceleration = add(self._acceleration, shortened(sharply, _MAX_JERK * dt))
-        motion = Motion(self._position, velocity, self._acceleration)
+            by_hand = shortened(sub(steered, before), _MAX_ACCELERATION * dt)
+            sharply = sub(scale(sub(change, by_hand), 1.0 / dt), self._correction)
+            self._correction = add(self._correction, shortened(sharply, _MAX_JERK * dt))
+            acceleration = add(scale(by_hand, 1.0 / dt), self._correction)
+        motion = Motion(self._position, velocity, shortened(acceleration, _MAX_ACCELERATION))
         setpoint = motion.setpoint(self._heading, self._rate)
         self.waits_for = self._hand.waits_for or None
         if self._hand.lost > p.patience:
