@@ -99,7 +99,7 @@ class Mission:
         return [v for v in self.vehicles() if "." in self.word("like", of=v.node)]
 
     def planned(self, name: str) -> VehiclePlan:
-        return next(v for v in self.plan.vehicles if v.name == name)
+        return self.plan.fleet[self.plan.members(name)[0]]
 
     def states(self, *parts: str) -> list[State]:
         """The states that are written with one of these parts, or all; shared ones once."""
@@ -120,6 +120,16 @@ class Mission:
         """The states in the air whose vehicle has a state to land in."""
         air = parts or ("hover", "fly_to", "follow_path", "circle", "figure_eight", "steer")
         return [s for s in self.states(*air) if self.landing(s.vehicle)]
+
+    def phases(self) -> Iterator[tuple[str, Node]]:
+        """The phases that the mission's own text has, each with its name."""
+        for _, flow in self.pairs("flows"):
+            for name, phase in self.pairs("phases", of=flow):
+                yield name.value, phase
+
+    def source(self, node: Node) -> str:
+        """The text of a node."""
+        return self.text[node.start_mark.index : node.end_mark.index]
 
     def expectations(self, *words: str) -> list[Node]:
         """The expectations with all of these words."""
@@ -156,6 +166,12 @@ def add_last(mapping: Node, entry: str) -> Edit:
     end = mapping.value[-1][1].end_mark.index
     gap = ", " if mapping.flow_style else f"\n{' ' * mapping.value[0][0].start_mark.column}"
     return Edit(end, end, f"{gap}{entry}")
+
+
+def with_key(mission: Mission, mapping: Node, key: str, text: str) -> Edit:
+    """A mapping has `key: text`; a new key stands last."""
+    node = mission.at(key, of=mapping)
+    return put(node, text) if node else add_last(mapping, f"{key}: {text}")
 
 
 def append(sequence: Node, item: str) -> Edit:

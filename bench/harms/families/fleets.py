@@ -14,10 +14,6 @@ def _starts(mission: Mission) -> list[tuple[str, Node]]:
     return [(name, node) for name, node in found if node is not None]
 
 
-def _text(mission: Mission, node: Node) -> str:
-    return mission.text[node.start_mark.index : node.end_mark.index]
-
-
 def _place(point: tuple[float, ...], up: float = 0.0) -> str:
     return f"[{point[0]:g}, {point[1]:g}, {point[2] + up:g}]"
 
@@ -27,7 +23,7 @@ def one_start_for_two(mission: Mission) -> Changes:
     """The start was copied: two vehicles stand in each other."""
     starts = _starts(mission)
     for (_, first), (_, second) in pairwise(starts):
-        yield change(put(second, _text(mission, first)), also=(first,))
+        yield change(put(second, mission.source(first)), also=(first,))
 
 
 @dangerous
@@ -92,7 +88,7 @@ def one_goal_for_two(mission: Mission) -> Changes:
         own = mission.at("position", of=first.node)
         other = mission.at("position", of=second.node)
         if first.vehicle != second.vehicle and own and other:
-            yield change(put(other, _text(mission, own)), also=(own,))
+            yield change(put(other, mission.source(own)), also=(own,))
 
 
 @dangerous
@@ -103,7 +99,7 @@ def one_corner_for_two(mission: Mission) -> Changes:
     ]
     slots = [node for _, node in found if node is not None]
     for first, second in pairwise(slots):
-        yield change(put(second, _text(mission, first)), also=(first,))
+        yield change(put(second, mission.source(first)), also=(first,))
 
 
 @dangerous

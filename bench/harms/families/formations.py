@@ -5,7 +5,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harms.mission_text import Mission, Node, State, add, add_last, own_list, own_section, put
+from harms.mission_text import (
+    Mission,
+    Node,
+    State,
+    add,
+    add_last,
+    own_list,
+    own_section,
+    put,
+    with_key,
+)
 from harms.operator import Changes, change, dangerous, senseless
 
 TOGETHER = ("formation", "follow")
@@ -14,8 +24,7 @@ TOGETHER = ("formation", "follow")
 def told(mission: Mission, key: str, text: str, *parts: str) -> Changes:
     """Each behavior of these parts with another value of a parameter."""
     for state in mission.states(*parts):
-        own = mission.at(key, of=state.node)
-        yield change(put(own, text) if own else add_last(state.node, f"{key}: {text}"))
+        yield change(with_key(mission, state.node, key, text))
 
 
 @dangerous

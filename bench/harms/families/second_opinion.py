@@ -20,6 +20,7 @@ from harms.mission_text import (
     own_list,
     own_section,
     put,
+    with_key,
 )
 from harms.operator import Changes, change, dangerous, senseless, valid
 
@@ -35,21 +36,8 @@ def _states(mission: Mission, parts: tuple[str, ...], *without: str) -> Iterator
             yield state
 
 
-def _rewritten(mission: Mission, state: State, key: str, text: str) -> Edit:
-    """A state has `key: text`, whether it had the key or not."""
-    node = mission.at(key, of=state.node)
-    return put(node, text) if node else add_last(state.node, f"{key}: {text}")
-
-
 def _transitions(mission: Mission, of: Node) -> list[Node]:
     return [n for n in mission.items("next", of=of) if isinstance(n, yaml.MappingNode)]
-
-
-def _phases(mission: Mission) -> Iterator[tuple[str, Node]]:
-    """The phases that the mission's own text has, and their names."""
-    for _, flow in mission.pairs("flows"):
-        for name, phase in mission.pairs("phases", of=flow):
-            yield name.value, phase
 
 
 def _once_up(mission: Mission, vehicle: str, *actions: str) -> Edit:
@@ -126,7 +114,7 @@ def silence_noticed_minutes_later(mission: Mission) -> Changes:
 def lost_input_steers_again(mission: Mission) -> Changes:
     """A lost controller leads back to steering by it: the vehicle hangs in the air."""
     for state in _states(mission, STEERED):
-        yield change(_rewritten(mission, state, "failed", state.name))
+        yield change(with_key(mission, state.node, "failed", state.name))
 
 
 @dangerous
@@ -152,7 +140,7 @@ def waits_an_hour_for_a_hand(mission: Mission) -> Changes:
 def steers_at_a_crawl(mission: Mission) -> Changes:
     """A full stick moves the vehicle by six centimetres a minute: it can't be steered."""
     for state in _states(mission, STEERED):
-        yield change(_rewritten(mission, state, "speed", "1 mm/s"))
+        yield change(with_key(mission, state.node, "speed", "1 mm/s"))
 
 
 @senseless
@@ -162,7 +150,7 @@ def no_room_to_steer_in(mission: Mission) -> Changes:
     for state in _states(mission, STEERED) if size else ():
         margin = f"{size / 2 + 0.5:g} m"
         fence = mission.at("world", "fence")
-        yield change(_rewritten(mission, state, "margin", margin), also=(fence,))
+        yield change(with_key(mission, state.node, "margin", margin), also=(fence,))
 
 
 @senseless
@@ -173,7 +161,7 @@ def lowest_above_the_ceiling(mission: Mission) -> Changes:
         if mission.at("input", of=state.node):
             lowest = f"{size + 0.5:g} m"
             fence = mission.at("world", "fence")
-            yield change(_rewritten(mission, state, "lowest", lowest), also=(fence,))
+            yield change(with_key(mission, state.node, "lowest", lowest), also=(fence,))
 
 
 @senseless
@@ -211,7 +199,7 @@ def button_that_the_script_never_presses(mission: Mission) -> Changes:
 @senseless
 def second_wait_for_one_event(mission: Mission) -> Changes:
     """Two transitions wait for one event: the second is never taken."""
-    owners = [s.node for s in mission.states()] + [phase for _, phase in _phases(mission)]
+    owners = [s.node for s in mission.states()] + [phase for _, phase in mission.phases()]
     for owner in owners:
         events = [mission.at("event", of=item) for item in _transitions(mission, owner)]
         both = [e for e in events if isinstance(e, yaml.ScalarNode)]
@@ -274,7 +262,7 @@ def one_place_is_missing(mission: Mission) -> Changes:
 @senseless
 def only_one_forms_up(mission: Mission) -> Changes:
     """One vehicle enters the formation and waits in vain for the other members."""
-    for name, phase in _phases(mission):
+    for name, phase in mission.phases():
         for key, state in mission.pairs("run", of=phase):
             group = mission.items("groups", key.value)
             forms = [s for s in mission.states("formation") if s.name == state.value]
@@ -347,7 +335,7 @@ def avoids_one_of_eight(mission: Mission) -> Changes:
 def avoids_one_of_eight_from_a_phase_on(mission: Mission) -> Changes:
     """In the phase in which all fly through one point all but one of them are not avoided."""
     if len(mission.vehicles()) > 2 and any(_avoiding(mission)):
-        for name, phase in _phases(mission):
+        for name, phase in mission.phases():
             option = "swarm.processors.avoid_obstacles.treat_as_obstacles"
             if name == "cross":
                 yield change(add(phase, f"set: {{{option}: [a]}}"))
@@ -451,7 +439,7 @@ def home_inside_a_pillar(mission: Mission) -> Changes:
 @dangerous
 def landing_phase_lands_one(mission: Mission) -> Changes:
     """The last phase lands one of the group; the others hang in the air until they are landed."""
-    for name, phase in _phases(mission):
+    for name, phase in mission.phases():
         for key, state in mission.pairs("run", of=phase):
             members = mission.items("groups", key.value)
             is_last = not mission.at("next", of=phase)
@@ -462,7 +450,7 @@ def landing_phase_lands_one(mission: Mission) -> Changes:
 @dangerous
 def late_phase_begins_again(mission: Mission) -> Changes:
     """If a vehicle doesn't arrive, the phase begins again for ever instead of landing all."""
-    for name, phase in _phases(mission):
+    for name, phase in mission.phases():
         otherwise = mission.at("otherwise", of=phase)
         if otherwise and otherwise.value != name:
             yield change(put(otherwise, name))
@@ -471,7 +459,7 @@ def late_phase_begins_again(mission: Mission) -> Changes:
 @senseless
 def phase_of_one_second(mission: Mission) -> Changes:
     """The phase is over before a vehicle can have done what it asks for."""
-    for _, phase in _phases(mission):
+    for _, phase in mission.phases():
         within = mission.at("within", of=phase)
         if within and mission.at("run", of=phase):
             yield change(put(within, "1 s"))
@@ -480,7 +468,7 @@ def phase_of_one_second(mission: Mission) -> Changes:
 @senseless
 def waits_for_a_state_that_nobody_enters(mission: Mission) -> Changes:
     """The phase waits until all are in a state in which it has put none of them."""
-    phases = dict(_phases(mission))
+    phases = dict(mission.phases())
     for phase in phases.values():
         for item in _transitions(mission, phase):
             when = mission.at("when", of=item)
@@ -493,7 +481,7 @@ def waits_for_a_state_that_nobody_enters(mission: Mission) -> Changes:
 @senseless
 def asks_one_that_it_gave_away(mission: Mission) -> Changes:
     """The phase gives a vehicle to another flow and asks something of it."""
-    for _, phase in _phases(mission):
+    for _, phase in mission.phases():
         given = mission.pairs("give", of=phase)
         for key, _ in mission.pairs("run", of=phase) if given else ():
             if mission.at("groups", "swarm"):
@@ -503,7 +491,7 @@ def asks_one_that_it_gave_away(mission: Mission) -> Changes:
 @senseless
 def together_without_a_pace(mission: Mission) -> Changes:
     """Behaviors that fly no straight line are to arrive at the same time."""
-    for _, phase in _phases(mission):
+    for _, phase in mission.phases():
         asked = [state.value for _, state in mission.pairs("run", of=phase)]
         parts = {s.name for s in mission.states("circle", "formation", "take_off", "land")}
         straight = {s.name for s in mission.states("fly_to")}
@@ -678,7 +666,7 @@ def fence_margin_in_flight(mission: Mission) -> Changes:
 @dangerous
 def one_is_slowed_among_the_others(mission: Mission) -> Changes:
     """A phase slows one that circles with others to a millimetre a second: the next hits it."""
-    for name, phase in _phases(mission):
+    for name, phase in mission.phases():
         for key, value in mission.pairs("set", of=phase):
             if key.value.endswith("limit_speed.speed") and name == "again":
                 yield change(put(value, "1 mm/s"))
@@ -749,7 +737,7 @@ def expects_of_a_state_that_only_failures_reach(mission: Mission) -> Changes:
         nodes = [s.node for s in mission.states() if s.vehicle == state.vehicle]
         led = [mission.word("then", of=n) for n in nodes]
         led += [mission.word("go", of=t) for n in nodes for t in _transitions(mission, n)]
-        asked = {s.value for _, p in _phases(mission) for _, s in mission.pairs("run", of=p)}
+        asked = {s.value for _, p in mission.phases() for _, s in mission.pairs("run", of=p)}
         if at not in asked.union(led):
             text = f"max({state.vehicle}.state.speed in {at}) < 1 m/s"
             yield from _expect(mission, text, state.key)

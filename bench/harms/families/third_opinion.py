@@ -11,7 +11,6 @@ from harms.mission_text import (
     Edit,
     Mission,
     Node,
-    State,
     Vehicle,
     add,
     add_last,
@@ -20,6 +19,7 @@ from harms.mission_text import (
     own_list,
     own_section,
     put,
+    with_key,
 )
 from harms.operator import Changes, change, dangerous, senseless, valid
 
@@ -54,16 +54,10 @@ def _given(mission: Mission, mapping: Node, key: str, text: str) -> Edit:
     return put(node, text) if node else add(mapping, f"{key}: {text}")
 
 
-def _to_state(mission: Mission, state: State, key: str, text: str) -> Edit:
-    """A state has `key: text`; a new key stands behind its `do`."""
-    node = mission.at(key, of=state.node)
-    return put(node, text) if node else add_last(state.node, f"{key}: {text}")
-
-
 def _states(mission: Mission, key: str, text: str, *parts: str) -> Changes:
     """Each state of these parts has `key: text`."""
     for state in mission.states(*parts):
-        yield change(_to_state(mission, state, key, text), also=(state.key,))
+        yield change(with_key(mission, state.node, key, text), also=(state.key,))
 
 
 def _top(mission: Mission, key: str, text: str) -> Edit:
@@ -178,12 +172,6 @@ def _once_up(mission: Mission, *actions: str) -> Changes:
         yield change(_on(mission, f"{vehicle.name}.took_off", *named))
 
 
-def _phases(mission: Mission) -> Iterator[tuple[str, Node]]:
-    for _, flow in mission.pairs("flows"):
-        for name, phase in mission.pairs("phases", of=flow):
-            yield name.value, phase
-
-
 def _has_own_room(mission: Mission) -> bool:
     return mission.at("world", "fence") is not None
 
@@ -193,10 +181,6 @@ def _numbers(mission: Mission, *keys: str, of: Node | None = None) -> list[float
     quantities = [mission.quantity(item) for item in mission.items(*keys, of=of)]
     found = [quantity.number for quantity in quantities if quantity is not None]
     return found if len(found) == len(quantities) == 3 else []
-
-
-def _text(mission: Mission, node: Node) -> str:
-    return mission.text[node.start_mark.index : node.end_mark.index]
 
 
 def _obstacle(mission: Mission, entry: str) -> Edit:
@@ -332,7 +316,7 @@ def prefers_the_only_estimator(mission: Mission) -> Changes:
         if not mission.at("estimators", of=vehicle.node):
             for state in mission.states(*SIDEWAYS):
                 if state.vehicle == vehicle.name:
-                    edit = _to_state(mission, state, "estimators", "[mocap]")
+                    edit = with_key(mission, state.node, "estimators", "[mocap]")
                     yield change(edit, also=(state.key,))
 
 
@@ -574,7 +558,7 @@ def lands_on_the_edge_of_a_crate(mission: Mission) -> Changes:
         if low and high and high[2] < 2:
             at = f"[{low[0]:g}, {(low[1] + high[1]) / 2:g}, {high[2]:g}]"
             for state in mission.states("land"):
-                yield change(_to_state(mission, state, "position", at), also=(obstacle,))
+                yield change(with_key(mission, state.node, "position", at), also=(obstacle,))
 
 
 @dangerous
@@ -614,7 +598,7 @@ def takes_off_after_every_landing(mission: Mission) -> Changes:
         climbs = [s.name for s in mission.states("take_off") if s.vehicle == vehicle.name]
         for state in mission.states("land"):
             if state.vehicle == vehicle.name and climbs:
-                edit = _to_state(mission, state, "then", climbs[0])
+                edit = with_key(mission, state.node, "then", climbs[0])
                 yield change(edit, also=(state.key,))
 
 
@@ -625,7 +609,7 @@ def corners_in_the_wrong_order(mission: Mission) -> Changes:
         for key, state in mission.pairs("behaviors", of=vehicle.node):
             second, third = mission.at("b", of=state), mission.at("c", of=state)
             if second and third:
-                edits = put(second, _text(mission, third)), put(third, _text(mission, second))
+                edits = put(second, mission.source(third)), put(third, mission.source(second))
                 yield change(*edits, also=(key,))
 
 
@@ -637,7 +621,7 @@ def short_cut_through_the_pillar(mission: Mission) -> Changes:
         if all(isinstance(corner, yaml.ScalarNode) for corner in corners):
             path = mission.at("path", of=state.node)
             assert path is not None
-            yield change(put(path, f"[{_text(mission, corners[-1])}]"), also=(state.key,))
+            yield change(put(path, f"[{mission.source(corners[-1])}]"), also=(state.key,))
 
 
 @senseless
@@ -740,7 +724,7 @@ def begins_its_trajectory_elsewhere(mission: Mission) -> Changes:
 def wingman_inside_its_own_clearance(mission: Mission) -> Changes:
     """The place beside the leader is nearer than the two may come."""
     for state in mission.states("follow"):
-        yield change(_to_state(mission, state, "offset", "[0, 0.2, 0]"), also=(state.key,))
+        yield change(with_key(mission, state.node, "offset", "[0, 0.2, 0]"), also=(state.key,))
 
 
 @dangerous
@@ -758,13 +742,13 @@ def two_members_in_one_place(mission: Mission) -> Changes:
     for state in mission.states("formation"):
         points = mission.items("points", of=state.node)
         if points:
-            yield change(put(points[-1], _text(mission, points[0])), also=(state.key,))
+            yield change(put(points[-1], mission.source(points[0])), also=(state.key,))
 
 
 @dangerous
 def flow_that_ends_in_the_air(mission: Mission) -> Changes:
     """The last phase has them hover, until the limit of the built-in hover lands them."""
-    for name, phase in _phases(mission):
+    for name, phase in mission.phases():
         last = not mission.at("next", of=phase)
         for _, request in mission.pairs("run", of=phase):
             if last and name in ("land", "landing"):
@@ -774,7 +758,7 @@ def flow_that_ends_in_the_air(mission: Mission) -> Changes:
 @dangerous
 def hover_shorter_than_the_wait(mission: Mission) -> Changes:
     """Who is first waits in `hover` for the others, and is landed after a second."""
-    waits = any(mission.at("give", of=phase) for _, phase in _phases(mission))
+    waits = any(mission.at("give", of=phase) for _, phase in mission.phases())
     if waits or mission.states("follow"):
         yield change(_top(mission, "hover_limit", "1 s"))
 
@@ -822,7 +806,7 @@ def path_under_the_lowest_height(mission: Mission) -> Changes:
 @senseless
 def otherwise_takes_off_in_the_air(mission: Mission) -> Changes:
     """Who is late is asked to take off again, which is refused to a vehicle in the air."""
-    phases = dict(_phases(mission))
+    phases = dict(mission.phases())
     for name, phase in phases.items():
         otherwise = mission.at("otherwise", of=phase)
         if otherwise and "launch" in phases and name in ("tour", "cross", "gather", "turn"):
@@ -832,7 +816,7 @@ def otherwise_takes_off_in_the_air(mission: Mission) -> Changes:
 @senseless
 def waits_for_what_held_before(mission: Mission) -> Changes:
     """All have landed before they take off, so that the phase is over at once."""
-    for name, phase in _phases(mission):
+    for name, phase in mission.phases():
         for transition in mission.items("next", of=phase):
             when = mission.at("when", of=transition)
             if name == "launch" and when:
@@ -844,7 +828,7 @@ def waits_for_what_held_before(mission: Mission) -> Changes:
 def together_around_a_circle(mission: Mission) -> Changes:
     """`together` is for straight lines, and these fly circles."""
     circles = {state.name for state in mission.states("circle")}
-    for _, phase in _phases(mission):
+    for _, phase in mission.phases():
         requests = {node.value for _, node in mission.pairs("run", of=phase)}
         if requests & circles and not mission.at("arrive", of=phase):
             yield change(add(phase, "arrive: together"))
@@ -854,7 +838,7 @@ def together_around_a_circle(mission: Mission) -> Changes:
 def takes_turns_to_form_up(mission: Mission) -> Changes:
     """The first waits in the formation for the others, who wait until it has left."""
     shapes = {state.name for state in mission.states("formation")}
-    for _, phase in _phases(mission):
+    for _, phase in mission.phases():
         requests = {node.value for _, node in mission.pairs("run", of=phase)}
         if requests & shapes and not mission.at("give", of=phase):
             yield change(add(phase, "arrive: in_turns"))
@@ -863,7 +847,7 @@ def takes_turns_to_form_up(mission: Mission) -> Changes:
 @senseless
 def keeps_what_the_other_flow_needs(mission: Mission) -> Changes:
     """The flow never gives the vehicle that another flow flies and for whose end it waits."""
-    for _, phase in _phases(mission):
+    for _, phase in mission.phases():
         give = mission.at("give", of=phase)
         if give:
             yield change(drop(mission, phase, "give"), also=(phase,))
@@ -919,7 +903,7 @@ def ball_that_goes_nowhere(mission: Mission) -> Changes:
     for _, obstacle in mission.pairs("world", "obstacles"):
         along = mission.at("moving_sphere", "along", of=obstacle)
         if along:
-            point = _text(mission, along.value[0])
+            point = mission.source(along.value[0])
             yield change(put(along, f"[{point}, {point}]"))
     corner = _free_corner(mission)
     if corner:
@@ -1142,7 +1126,7 @@ def transmitter_that_nobody_reports(mission: Mission) -> Changes:
     """Neither the simulator nor an emulated autopilot has a receiver for a transmitter."""
     stick, vehicle = mission.at("targets", "hands", "inputs", "stick"), mission.vehicles()[0].name
     if stick:
-        start, text = stick.start_mark.index, _text(mission, stick).rstrip()
+        start, text = stick.start_mark.index, mission.source(stick).rstrip()
         edit = Edit(start, start + len(text), f"{{use: sticks, vehicle: {vehicle}}}")
         yield change(edit, target="hands")
 
@@ -1561,7 +1545,7 @@ def speeds_per_hour(mission: Mission) -> Changes:
         speed = mission.written(mission.at("speed", of=state.node))
         if speed and speed.unit == "m/s":
             text = f"{speed.number * 3.6:g} km/h"
-            yield change(_to_state(mission, state, "speed", text))
+            yield change(with_key(mission, state.node, "speed", text))
 
 
 @valid
