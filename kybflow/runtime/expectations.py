@@ -14,8 +14,9 @@ from math import atan2, cos, inf, sin, sqrt
 from typing import Any, NamedTuple, Protocol
 
 from kybflow.dsl.expressions import tree
+from kybflow.dsl.expressions.semantics import is_direction, observable_of
 from kybflow.dsl.plan import ExpectationPlan
-from kybflow.parts.observables import OBJECT_OBSERVABLES, OBSERVABLES, Unavailable, View, is_in
+from kybflow.parts.observables import Unavailable, View, is_in
 from kybflow.runtime.conditions import OPERATORS, reader_of, value_of
 
 Now = Callable[[], float]
@@ -288,26 +289,14 @@ def _unit(value: Any) -> str:
     """Return the SI unit of the measured value."""
     if isinstance(value, tree.Aggregate):
         value = value.value
-    if isinstance(value, tree.Read):
-        dimension = OBSERVABLES[value.name].dimension
+    if isinstance(value, tree.Read | tree.ObjectRead):
+        dimension = observable_of(value).dimension
         return dimension.si if dimension is not None else ""
-    if isinstance(value, tree.ObjectRead):
-        return OBJECT_OBSERVABLES[value.name].dimension.si
     if isinstance(value, tree.Quantity):
         return value.dimension.si
     if isinstance(value, tree.MissionTime):
         return "s"
     return "" if isinstance(value, tree.Word) else "m"
-
-
-def _wraps(value: tree.Measured) -> bool:
-    """Return whether a value is a direction."""
-    match value:
-        case tree.Read(_, name):
-            return OBSERVABLES[name].wraps
-        case tree.ObjectRead(_, name):
-            return OBJECT_OBSERVABLES[name].wraps
-    return False
 
 
 def _flies(value: Any, views: Mapping[str, View]) -> Callable[[], bool]:
@@ -400,8 +389,7 @@ class _Samplers:
         source = (aggregate.value, *place)
         if source not in self._known:
             value, flies = aggregate.value, _flies(aggregate.value, self._views)
-            is_heading = _wraps(value)
-            statistics = _Directions() if is_heading else _Statistics()
+            statistics = _Directions() if is_direction(value) else _Statistics()
             sampler = _Sampler(self._read(aggregate), flies, statistics)
             self._known[source] = sampler.statistics
             self._by_state.setdefault(place, []).append(sampler)

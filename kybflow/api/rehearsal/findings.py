@@ -18,7 +18,7 @@ from kybflow.core.geometry import Vec3, least_distance, sub
 from kybflow.core.params import named_in
 from kybflow.core.signals import Event
 from kybflow.core.units import DURATION, LENGTH, format_quantity
-from kybflow.dsl.diagnostics import Diagnostic, Severity, Span, lines_of
+from kybflow.dsl.diagnostics import Diagnostic, Related, Severity, Span, lines_of
 from kybflow.dsl.plan import PhasePlan
 
 if TYPE_CHECKING:
@@ -226,13 +226,14 @@ def too_close(
     return Diagnostic("KYB480", said, own.span, label, (other.note,), hint, Severity.WARNING)
 
 
-def left_hovering(own: Doing, limit: float) -> Diagnostic:
+def left_hovering(own: Doing, limit: float, ended: tuple[Related, ...]) -> Diagnostic:
     """KYB484: after its last state a vehicle hovers until the failsafe lands it, because no
     transition, flow or callback does (a warning)."""
     said = f"nothing lands `{own.vehicle}` after `{own.state}`"
     label = f"it hovers for {format_quantity(limit, DURATION)}, then the failsafe lands it"
     hint = "let a transition or a phase land it"
-    return Diagnostic("KYB484", said, own.span, label, help=hint, severity=Severity.WARNING)
+    severity = Severity.WARNING
+    return Diagnostic("KYB484", said, own.span, label, help=hint, severity=severity, related=ended)
 
 
 def stays_down(vehicle: str, check: str, why: str, at: str, texts: Texts) -> Diagnostic:

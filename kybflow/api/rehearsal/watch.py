@@ -250,11 +250,11 @@ class Watch:
         is_left = [state.name for state in flown[-2:]] == ["hover", "auto_land"]
         is_ending = name in self._wrong or vehicle.requests.retired is not None
         if own is not None and is_left and not is_ending:
-            found = findings.left_hovering(self._doing_in(vehicle, own), self._plan.hover_limit)
-            self._add(replace(found, related=tuple(self._ended_flows)), name)
+            doing, limit = self._doing_in(vehicle, own), self._plan.hover_limit
+            self._add(findings.left_hovering(doing, limit, tuple(self._ended_flows)), name)
 
     def _flow_ended(self, event: Event) -> None:
-        flow = next(f for f in self._plan.flows if f.name == event.fields["flow"])
+        flow = self._plan.flows_by_name[str(event.fields["flow"])]
         phase = flow.phases.get(str(event.fields["phase"]))
         if phase is not None:
             span = span_at(phase.at, self._texts)
@@ -286,7 +286,7 @@ class Watch:
         if event.fields["how"] != "within":
             return
         assert self._engine is not None
-        flow = next(f for f in self._plan.flows if f.name == event.fields["flow"])
+        flow = self._plan.flows_by_name[str(event.fields["flow"])]
         phase = flow.phases[str(event.fields["phase"])]
         seconds = self._engine.seconds()
         found = findings.phase_timed_out(flow.name, phase, seconds, self._states(), self._texts)

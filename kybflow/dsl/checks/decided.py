@@ -11,12 +11,7 @@ from typing import NamedTuple
 
 from kybflow.core.units import DURATION, LENGTH, Dimension, format_quantity
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.conditions import (
-    TypedCondition,
-    all_conditions,
-    named_states,
-    nodes,
-)
+from kybflow.dsl.checks.conditions import TypedCondition, all_conditions, named_states, nodes
 from kybflow.dsl.checks.durations import disturbances, longest_time
 from kybflow.dsl.checks.envelopes import reaches_of
 from kybflow.dsl.checks.flows import phases

@@ -34,6 +34,7 @@ from kybflow.dsl.expressions.semantics import (
     Operand,
     Scope,
     Semantics,
+    is_direction,
     is_quantity,
     of_each,
 )
@@ -400,7 +401,7 @@ class _Parser:
         elif not isinstance(node, tree.Measured) or inner.dimension is None:
             message = f"there is no statistic of `{inner.source}`"
             self._semantics.report("KYB212", inner.token, message, "not measured in numbers")
-        elif token.text == "rms" and _wraps(node):
+        elif token.text == "rms" and is_direction(node):
             message = f"there is no root mean square of `{inner.source}`, which is a direction"
             hint = "use `mean`, which averages directions"
             self._semantics.report("KYB212", token, message, "not of a direction", hint)
@@ -424,15 +425,6 @@ class _Parser:
         function = cast("tree.Function", token.text)
         owner = vehicle if state else None
         return tree.Aggregate(function, measured, owner, state), inner.dimension
-
-
-def _wraps(node: object) -> bool:
-    match node:
-        case tree.Read(_, name):
-            return OBSERVABLES[name].wraps
-        case tree.ObjectRead(_, name):
-            return OBJECT_OBSERVABLES[name].wraps
-    return False
 
 
 def _subject(node: object) -> str | None:

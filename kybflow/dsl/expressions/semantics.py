@@ -22,12 +22,19 @@ from kybflow.dsl.expressions.tree import (
     Condition,
     InState,
     Not,
+    ObjectRead,
     Quantity,
     Read,
     Value,
     Word,
 )
-from kybflow.parts.observables import OBSERVABLES, chains_of
+from kybflow.parts.observables import (
+    OBJECT_OBSERVABLES,
+    OBSERVABLES,
+    ObjectObservable,
+    Observable,
+    chains_of,
+)
 
 _OBSTACLES = "world.obstacles."
 _MOST_NAMES = 6
@@ -71,6 +78,18 @@ class Scope:
     def a_vehicle(self) -> str:
         """The name of a vehicle, for hints."""
         return next(iter(self.vehicles), "VEHICLE")
+
+
+def observable_of(value: Read | ObjectRead) -> Observable | ObjectObservable:
+    """Return the declaration of a value of a vehicle or of an object."""
+    if isinstance(value, Read):
+        return OBSERVABLES[value.name]
+    return OBJECT_OBSERVABLES[value.name]
+
+
+def is_direction(value: object) -> bool:
+    """Return whether a value is a direction, which jumps from its largest to its least."""
+    return isinstance(value, Read | ObjectRead) and observable_of(value).wraps
 
 
 class Operand(NamedTuple):
