@@ -28,12 +28,17 @@ from kybflow.world.objects import WorldObject
 from kybflow.world.shapes import Box, MovingSphere, Shape
 from kybflow.world.tags import TagMap
 
-STIFFNESS = 1.0
+STIFFNESS = 1.15
 """Natural frequency of roll and pitch times the rotors' time constant."""
-FASTEST = 40.0
+FASTEST = 35.0
 """The highest natural frequency of roll and pitch, rad/s, because a gyroscope's filter of 50 Hz and
-a dead time of 4 ms leave a faster loop a phase margin below 30 degrees."""
-DAMPING = 0.8
+a dead time of 4 ms leave a faster loop a phase margin below 33 degrees."""
+DAMPING, MOST_DAMPING = 0.85, 1.4
+LEAST_RATE_GAIN = 48.0
+"""The lowest D of a loop without declared gains, 1/s, which loops with slow rotors reach by more
+damping, up to `MOST_DAMPING`. Around less, a position loop swings ever more if the thrust over the
+inertia is 40 % lower than believed and the rotors are slower by 30 %: the worst of a vehicle whose
+mass, thrust, inertia and rotors may differ by 20 %, on gains that may be wrong by 10 %."""
 INTEGRAL = 8.0
 """The frequency of the loop divided by that of its integral; 8.1 for PX4's cascade with I 0.2 and P
 0.15."""
@@ -81,7 +86,8 @@ def attitude_loop(
     """Return the attitude loop of an airframe with these rotors and declared gains."""
     if attitude_gain is None and rate_gain is None:
         frequency = min(STIFFNESS / rotor_time, FASTEST)
-        derivative, lead = 2.0 * DAMPING * frequency, LEAD
+        damped, most = 2.0 * DAMPING * frequency, 2.0 * MOST_DAMPING * frequency
+        derivative, lead = min(most, max(damped, LEAST_RATE_GAIN)), LEAD
     else:
         derivative, lead = rate_gain or RATE_GAIN, 1.0
         frequency = sqrt((attitude_gain or ATTITUDE_GAIN) * derivative)

@@ -13,8 +13,11 @@ FRAME = Airframe(mass=1.0, diameter=0.5, inertia=(0.01, 0.01, 0.02), thrust=6.0,
 
 def test_without_a_gain_it_is_as_fast_as_the_rotors_allow_and_leads_them() -> None:
     loop = FRAME.attitude_loop
-    assert loop == pytest.approx((20.0**2, 2.0 * 0.8 * 20.0, 20.0**3 / 8.0, 4.0))
-    assert replace(FRAME, rotor_time=0.025).attitude_loop.proportional == pytest.approx(40.0**2)
+    assert loop == pytest.approx((23.0**2, 48.0, 23.0**3 / 8.0, 4.0))
+    quick = replace(FRAME, rotor_time=0.025).attitude_loop
+    assert quick == pytest.approx((35.0**2, 2.0 * 0.85 * 35.0, 35.0**3 / 8.0, 4.0))
+    slow = replace(FRAME, rotor_time=0.115).attitude_loop
+    assert slow.derivative == pytest.approx(2.0 * 1.4 * 10.0), "its rotors bear no more"
 
 
 def test_with_both_gains_it_is_a_cascade_without_a_lead() -> None:

@@ -4,10 +4,11 @@ path of a vehicle in it, around the places that are taken (`clear_way`).
 With the heading psi, its rate w, the position o(t) of a vehicle in the frame, and R the rotation by
 psi,
 
-    p = c + R o,    v = c' + w x R o + R o',    a = c'' + w x (w x R o) + 2 w x R o' + R o''
+    p = c + R o,    v = c' + w x R o + R o',
+    a = c'' + w' x R o + w x (w x R o) + 2 w x R o' + R o''.
 
-(the change of w is neglected: it is small and lasts one tick). Each member moves its own frame by
-the same rule, and lets it drift towards the mean of the published frames,
+Each member moves its own frame by the same rule, and lets it drift towards the mean of the
+published frames,
 
     c_i' = u + k (mean c_j - c_i),
 
@@ -50,7 +51,8 @@ _SHARPEST = 10.0 / sqrt(3.0)
 
 class MovingFrame(NamedTuple):
     """The pose and motion of a formation's frame. rate: turn rate, rad/s. drift: the part of its
-    velocity that only brings it towards the other members' frames, m/s."""
+    velocity that only brings it towards the other members' frames, m/s. spin_up: the change of its
+    turn rate, rad/s^2."""
 
     centre: Vec3
     velocity: Vec3 = ZERO
@@ -58,12 +60,13 @@ class MovingFrame(NamedTuple):
     heading: float = 0.0
     rate: float = 0.0
     drift: Vec3 = ZERO
+    spin_up: float = 0.0
 
     def after(self, dt: float) -> MovingFrame:
         """Return the frame `dt` seconds later if it continues to move in the same way."""
-        (x, y, z), (vx, vy, vz), acceleration, heading, rate, drift = self
+        (x, y, z), (vx, vy, vz), _, heading, rate, *_ = self
         ahead = (x + vx * dt, y + vy * dt, z + vz * dt)
-        return MovingFrame(ahead, self.velocity, acceleration, heading + rate * dt, rate, drift)
+        return self._replace(centre=ahead, heading=heading + rate * dt)
 
     def turned(self, vector: Vec3) -> Vec3:
         """Rotate a vector from the frame to the world."""
@@ -79,11 +82,15 @@ class MovingFrame(NamedTuple):
     def motion(self, place: Motion) -> Motion:
         """Return the motion, in the world frame, of a place that may itself move within the
         formation's frame."""
-        w = self.rate
+        w, k = self.rate, self.spin_up
         o, u, b = self.all_turned((place.position, place.velocity, place.acceleration))
         velocity = add(add(self.velocity, self.drift), (u[0] - w * o[1], u[1] + w * o[0], u[2]))
-        inward = (-w * w * o[0] - 2.0 * w * u[1], -w * w * o[1] + 2.0 * w * u[0], 0.0)
-        acceleration = add(self.acceleration, add(inward, b))
+        turning = (
+            -w * w * o[0] - 2.0 * w * u[1] - k * o[1],
+            -w * w * o[1] + 2.0 * w * u[0] + k * o[0],
+            0.0,
+        )
+        acceleration = add(self.acceleration, add(turning, b))
         return Motion(add(self.centre, o), velocity, acceleration)
 
     def place(self, motion: Motion) -> Motion:
@@ -184,6 +191,7 @@ def moved(
         wrap(frame.heading + (rate + turn) * dt),
         rate,
         drift,
+        (rate - frame.rate) / dt if dt > 0.0 else 0.0,
     )
 
 
@@ -196,18 +204,29 @@ def _turning(
     dt: float,
 ) -> float:
     """Return the turn rate in the next tick. No place circles faster than the frame may move, nor
-    towards a surface faster than half of the speed that can stop before it."""
+    towards a surface faster than half of the speed that can stop before it; none is accelerated by
+    the turn more than the frame may be."""
     most = limits.turn_rate if reach <= 0.0 else min(limits.turn_rate, limits.speed / reach)
-    asked = max(-most, min(most, asked))
-    step = _TURN_ACCELERATION * dt
-    rate = frame.rate + max(-step, min(step, asked - frame.rate))
+    step = _step(limits.acceleration, reach) * dt
+    rate = frame.rate + _clipped(_clipped(asked, most) - frame.rate, step)
     share = 1.0
     for (x, y, _), (room, normal) in near if rate != 0.0 else ():
         closing = -dot((-rate * y, rate * x, 0.0), normal)
         allowed = 0.5 * stopping_speed(room)
         if closing > allowed:
             share = min(share, allowed / closing)
-    return rate * share
+    if share == 1.0:
+        return rate
+    return frame.rate + _clipped(rate * share - frame.rate, _step(_MAX_ACCELERATION, reach) * dt)
+
+
+def _step(acceleration: float, reach: float) -> float:
+    """Return the change of the turn rate (rad/s^2) that accelerates the outermost place so much."""
+    return min(_TURN_ACCELERATION, acceleration / reach) if reach > 0.0 else _TURN_ACCELERATION
+
+
+def _clipped(value: float, most: float) -> float:
+    return max(-most, min(most, value))
 
 
 def mean_frame(frames: Sequence[MovingFrame]) -> MovingFrame:

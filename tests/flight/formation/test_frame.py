@@ -40,6 +40,19 @@ def test_velocity_is_the_change_of_position(frame: MovingFrame, place: Vec3) -> 
     assert change == pytest.approx(before.velocity, abs=1e-4)
 
 
+@given(st.floats(0.3, 1.5), st.floats(-1.0, 1.0))
+def test_a_turn_begins_and_ends_as_gently_as_the_frame_moves(reach: float, rate: float) -> None:
+    frame, place = MovingFrame(ZERO), Motion((reach, 0.0, 0.0))
+    for step in range(300):
+        before = frame.motion(place)
+        frame = moved(frame, Asked(rate=rate if step < 150 else 0.0), LIMITS, DT, reach=reach)
+        after = frame.motion(place)
+        change = tuple(x / DT for x in sub(after.velocity, before.velocity))
+        circling = LIMITS.speed**2 / reach
+        assert norm(change) <= LIMITS.acceleration + circling + 1e-9
+        assert after.acceleration == pytest.approx(change, abs=circling * 0.02 + 0.02)
+
+
 @given(vectors, vectors, vectors)
 def test_a_shift_starts_as_the_vehicle_moves_and_ends_in_place(
     position: Vec3, velocity: Vec3, place: Vec3

@@ -1,5 +1,6 @@
 """The computed delay margin is that of the flight: with three quarters of it as an additional delay
-of commands a simulated vehicle comes to rest, with five quarters it oscillates."""
+of commands a simulated vehicle comes to rest, with five quarters it oscillates. A vehicle that is
+weaker and slower than declared comes to rest as well."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from sim_worlds import FRAME
 
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, Setpoint, SetpointKind, Tick
-from kybflow.drivers.sim import Sim, SimParams
+from kybflow.drivers.sim import Sim, SimParams, vehicle
+from kybflow.drivers.sim.lab import BuiltAirframe
 from kybflow.flight.geometric_law import GeometricParams, outer_loop
 from kybflow.flight.loops.margins import margins
 from kybflow.flight.loops.position_loop import horizontal, vertical
@@ -90,6 +92,7 @@ def as_px4(frame: Airframe) -> Airframe:
     return replace(frame, rotor_time=0.025, attitude_gain=6.5, rate_gain=18.0)
 
 
+COURIER = replace(FRAME, rotor_time=0.06)
 MODELS = {0: horizontal, 2: vertical}
 LATE = replace(DELAYED, command_latency=0.04)
 OLD = replace(DELAYED, mocap_latency=0.06)
@@ -110,3 +113,26 @@ def test_it_oscillates_within_a_quarter_of_the_computed_delay(frame, params, axi
     assert last < 0.3 * first, "it comes to rest"
     first, _, _, last = swings(frame, axis, 1.25 * margin, params)
     assert last > 3.0 * first, "it oscillates"
+
+
+@pytest.mark.parametrize(
+    ("frame", "inertia", "rotor_time"),
+    [(FRAME, 1.33, 1.3), (FRAME, 1.15, 1.15), (NANO, 1.15, 1.15), (COURIER, 1.33, 1.3)],
+    ids=["mk, worst", "mk", "nano", "courier, worst"],
+)
+def test_a_weaker_and_slower_vehicle_than_declared_comes_to_rest(
+    frame, inertia: float, rotor_time: float, monkeypatch
+) -> None:
+    """Around a thrust that is 20 % lower than declared; the worst is a model error of 20 % on gains
+    that are wrong by 10 %."""
+
+    def weak(airframe: Airframe, error: float, generator: object) -> BuiltAirframe:
+        moments = tuple(inertia * j for j in airframe.inertia)
+        lag = rotor_time * airframe.rotor_time
+        return BuiltAirframe(
+            0.8 * airframe.mass, moments, (0.8 * airframe.thrust,) * 4, lag, airframe.drag
+        )
+
+    monkeypatch.setattr(vehicle, "build", weak)
+    first, _, _, last = swings(frame, 0, 0.0)
+    assert last < 0.1 * first
