@@ -245,7 +245,7 @@ def assemble(
         devices.vehicles[name] = Vehicle(
             vehicle, context, links[name], events, vehicle_observer(name), score.vehicle(name),
             settable.set, judge, devices.sensors[name], bodies, fleet, inputs.readings, broadcasts,
-            moving.seen,
+            moving.seen, objects.seen,
         )  # fmt: skip
     engine = Engine(
         plan, clock, devices.sessions, [*devices.vehicles.values()], events, settable, inputs,

@@ -223,7 +223,8 @@ class Setpoint(NamedTuple):
     forward and are zero at rest. A VELOCITY setpoint has no position; an ACCELERATION setpoint has
     neither position nor velocity. The tracker follows `heading` (rad) and feeds `heading_rate`
     (rad/s) forward; if `heading` is None, it turns at `heading_rate`, starting from the heading
-    that it followed last.
+    that it followed last. presses: the horizontal unit vector along which the vehicle presses
+    against something; the tracker doesn't counter what pushes the vehicle back.
     """
 
     kind: SetpointKind
@@ -233,6 +234,7 @@ class Setpoint(NamedTuple):
     jerk: Vec3 | None = None
     heading: float | None = None
     heading_rate: float = 0.0
+    presses: Vec3 | None = None
 
 
 class CommandKind(Enum):
@@ -408,6 +410,23 @@ SeenObstacles = Mapping[str, SeenObstacle]
 NO_OBSTACLES: SeenObstacles = MappingProxyType({})
 
 
+class SeenObject(NamedTuple):
+    """An object of the world when it was last seen, in the world frame, SI. q, speed: the
+    coordinate of its joint and its rate; for a free object the heading and its rate."""
+
+    time: Time
+    position: Vec3
+    attitude: Quat
+    velocity: Vec3
+    q: float
+    speed: float
+
+
+SeenObjects = Mapping[str, SeenObject]
+"""The objects that have been seen during the run, by name."""
+NO_OBJECTS: SeenObjects = MappingProxyType({})
+
+
 class NeighbourState(NamedTuple):
     """The state that a vehicle published to its neighbours at the end of the tick at `time`.
     estimate: its estimate. setpoint: the setpoint that it followed. said: the message that its
@@ -476,7 +495,8 @@ class Tick(NamedTuple):
     poses is wrong, None while no error is known. imu_motion: the motion by the IMU alone if that
     frame is wrong; None otherwise. rejection: why the vehicle doesn't use the positions that it is
     sent, None if it does. command: the one that was sent in the last tick. uncompared: for how long
-    poses have come in this flight by which their frame could not be judged, s.
+    poses have come in this flight by which their frame could not be judged, s. objects: the objects
+    of the world that motion capture tracks.
     """
 
     now: Time
@@ -498,6 +518,7 @@ class Tick(NamedTuple):
     rejection: str | None = None
     command: Command | None = None
     uncompared: float = 0.0
+    objects: SeenObjects = NO_OBJECTS
 
     @property
     def sound_estimate(self) -> Estimate | None:

@@ -5,7 +5,18 @@ from __future__ import annotations
 
 from math import cos, sin, sqrt
 
-from kybflow.core.geometry import GRAVITY, ZERO, Quat, Vec3, body_z, heading_of, rotate_back, sub
+from kybflow.core.geometry import (
+    GRAVITY,
+    ZERO,
+    Quat,
+    Vec3,
+    body_z,
+    dot,
+    heading_of,
+    rotate_back,
+    scale,
+    sub,
+)
 from kybflow.core.params import param, params
 from kybflow.core.signals import Command, Estimate, Imu, MeasurementKind, Setpoint, Tick
 from kybflow.core.units import Frequency
@@ -96,6 +107,9 @@ class GeometricLaw:
         else:
             given = steering.force_along
             pushed = self._observer.update(tick.imu, estimate, given, p.observer, dt)
+            against = setpoint.presses
+            if against is not None:
+                pushed = sub(pushed, scale(against, dot(pushed, against)))
             wanted = sub(wanted, pushed)
         force, attitude = steering.attitude(wanted, up, setpoint, p, dt)
         still = steering.limited or not steering.flies
@@ -118,7 +132,7 @@ class GeometricLaw:
         k, d, i = k * slower * slower, d * slower, i * slower * slower
         ux, uy, uz = up
         vx, vy, vz = estimate.velocity
-        _, position, velocity, acceleration, jerk, _, _ = setpoint
+        _, position, velocity, acceleration, jerk, _, _, _ = setpoint
         wx, wy, wz = velocity or ZERO
         ax, ay, az = acceleration or ZERO
         jx, jy, jz = jerk or ZERO

@@ -177,7 +177,7 @@ class Motion(NamedTuple):
         """Return this motion as a setpoint of the kind and with the heading of `asked`."""
         kind, heading, rate = asked.kind, asked.heading, asked.heading_rate
         position = None if kind is SetpointKind.VELOCITY else self.position
-        return Setpoint(kind, position, *self[1:], heading, rate)
+        return Setpoint(kind, position, *self[1:], heading, rate, asked.presses)
 
 
 def motion_of(setpoint: Setpoint) -> Motion:

@@ -266,7 +266,7 @@ def _numbers(setpoint: Setpoint | None) -> Any:
     if setpoint is None:
         return _NO_SETPOINT
     fields: Any = setpoint
-    kind, position, velocity, acceleration, jerk, heading, rate = fields
+    kind, position, velocity, acceleration, jerk, heading, rate, _ = fields
     if kind is _POSITION and position and velocity and acceleration and heading is not None:
         present = _ALL if jerk else _ALL - HAS_JERK
         return (

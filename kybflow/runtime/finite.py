@@ -33,7 +33,7 @@ def checked_estimate(estimate: Estimate) -> Estimate:
 
 
 def checked_setpoint(setpoint: Setpoint) -> Setpoint:
-    _, position, velocity, acceleration, jerk, heading, rate = setpoint
+    _, position, velocity, acceleration, jerk, heading, rate, _ = setpoint
     px, py, pz = position or ZERO
     vx, vy, vz = velocity or ZERO
     ax, ay, az = acceleration or ZERO

@@ -6,12 +6,20 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 from kybflow.core.geometry import ZERO, Vec3, add, rotate
-from kybflow.core.signals import NS, Battery, Estimate, PayloadState, Setpoint, Sticks
+from kybflow.core.signals import (
+    NS,
+    Battery,
+    Estimate,
+    PayloadState,
+    SeenObject,
+    Setpoint,
+    Sticks,
+)
 from kybflow.flight.avoidance.surroundings import grown
 from kybflow.parts.observables import ObjectView, ObstacleView, State, Unavailable
 from kybflow.parts.true_objects import TrueObjects
 from kybflow.runtime.fleet.tracked_bodies import UNSEEN_NS
-from kybflow.world.objects import SeenObject, WorldObject
+from kybflow.world.objects import WorldObject
 from kybflow.world.shapes import Sphere
 
 if TYPE_CHECKING:

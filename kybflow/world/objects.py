@@ -41,7 +41,7 @@ from kybflow.core.geometry import (
     wrap,
 )
 from kybflow.core.params import key, record
-from kybflow.core.signals import Time
+from kybflow.core.signals import SeenObjects
 from kybflow.core.units import (
     NUMBER,
     Angle,
@@ -123,6 +123,10 @@ class WorldObject(NamedTuple):
     surfaces: tuple[ObjectSurface, ...] = ()
     body: str | None = None
 
+    def surface(self, name: str) -> ObjectSurface | None:
+        """Return the surface with this name, None if it has none."""
+        return next((one for one in self.surfaces if one.name == name), None)
+
     @property
     def is_free(self) -> bool:
         """Whether it moves in all directions."""
@@ -179,21 +183,6 @@ class ObjectState(NamedTuple):
     q: float
     speed: float
     turning: Vec3 = ZERO
-
-
-class SeenObject(NamedTuple):
-    """An object when it was last seen, as `ObjectState`."""
-
-    time: Time
-    position: Vec3
-    attitude: Quat
-    velocity: Vec3
-    q: float
-    speed: float
-
-    @property
-    def placement(self) -> Placement:
-        return Placement(self.position, self.attitude)
 
 
 def unit(direction: Vec3) -> Vec3:
@@ -264,3 +253,56 @@ def distance_to(one: WorldObject, place: Placement, p: Vec3) -> float:
         beyond = (max(abs(a) - h, 0.0) for a, h in zip(inside, half, strict=True))
         found = min(found, sqrt(sum(b * b for b in beyond)))
     return found
+
+
+class Face(NamedTuple):
+    """A surface in the world. outward: the unit vector out of it; along: the one along its width.
+    velocity: of its centre, m/s."""
+
+    centre: Vec3
+    outward: Vec3
+    along: Vec3
+    width: float
+    height: float
+    velocity: Vec3 = ZERO
+
+    def before(self, p: Vec3) -> Vec3:
+        """Return the position of a point relative to the centre: out of the face, along its width
+        and upwards."""
+        away = sub(p, self.centre)
+        return dot(away, self.outward), dot(away, self.along), away[2]
+
+
+def face_of(
+    surface: ObjectSurface, place: Placement, velocity: Vec3 = ZERO, turning: Vec3 = ZERO
+) -> Face:
+    """Return the surface of an object with the pose `place`, whose centre moves at `velocity` and
+    which turns at `turning`."""
+    arm = rotate(place.attitude, surface.at)
+    axes = multiply(place.attitude, surface.attitude)
+    return Face(
+        add(place.position, arm), rotate(axes, (1.0, 0.0, 0.0)), rotate(axes, (0.0, 1.0, 0.0)),
+        surface.width, surface.height, add(velocity, cross(turning, arm)),
+    )  # fmt: skip
+
+
+def turning_of(one: WorldObject, attitude: Quat, speed: float) -> Vec3:
+    """Return the angular velocity that the joint's rate gives an object, world frame."""
+    if one.is_free:
+        return scale(UP, speed)
+    return scale(rotate(attitude, one.axis), speed) if isinstance(one.joint, TurnJoint) else ZERO
+
+
+def seen_face(objects: Mapping[str, WorldObject], seen: SeenObjects, path: str) -> Face | None:
+    """Return the surface `OBJECT.SURFACE` as it was last seen, None if its object has not been.
+    Raises KeyError if there is no such surface."""
+    name, _, label = path.partition(".")
+    one = objects[name]
+    surface = one.surface(label)
+    if surface is None:
+        raise KeyError(path)
+    if name not in seen:
+        return None
+    _, position, attitude, velocity, _, speed = seen[name]
+    turning = turning_of(one, attitude, speed)
+    return face_of(surface, Placement(position, attitude), velocity, turning)

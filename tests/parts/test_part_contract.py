@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from part_bench import DT, INPUTS, SITE, at_rest, entry, estimate
+from part_bench import DT, INPUTS, SITE, at_rest, entry, estimate, seen_block
 
 from kybflow.core.events import Emitting
 from kybflow.core.files import File
@@ -67,6 +67,8 @@ def minimal(spec: PartSpec) -> Any:
 
 
 def plausible(field: Field) -> Any:
+    if field.key == "surface":
+        return "block.back"
     if field.shape == "path":
         return ((0.5, 0.0, 1.0), (0.5, 0.5, 1.2))
     if field.shape == "vector":
@@ -97,7 +99,10 @@ def ticks(setpoint: Setpoint | None = None, where: Vec3 = START) -> Iterator[Tic
         known = estimate(position, velocity, now=i * round(DT * NS))
         battery = Battery(known.time, 1.0 - 0.005 * i, 12.0)
         fleet = {"nano": known}
-        yield Tick(known.time, DT, i * DT, known, battery, setpoint, fleet, inputs=INPUTS)
+        yield Tick(
+            known.time, DT, i * DT, known, battery, setpoint, fleet, inputs=INPUTS,
+            objects=seen_block(now=known.time),
+        )  # fmt: skip
 
 
 def path(i: int, kind: SetpointKind) -> Setpoint:

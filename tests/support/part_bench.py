@@ -15,11 +15,14 @@ from kybflow.core.signals import (
     Estimate,
     Failed,
     InputReading,
+    SeenObject,
+    SeenObjects,
     Setpoint,
     SetpointKind,
     Tick,
 )
 from kybflow.parts import AIR, AXES, Behavior, Entry, Flight
+from kybflow.world.objects import ObjectSurface, SlideJoint, WorldObject
 from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import Airframe, VehicleContext
 
@@ -30,9 +33,18 @@ AIRFRAME = Airframe(
     drag=0.35,
 )  # fmt: skip
 FENCE = Box((-3.0, -3.0, 0.0), (3.0, 3.0, 2.5))
-SITE = VehicleContext("nano", AIRFRAME, ZERO, 0.0, FENCE, DT)
+RAIL = SlideJoint((1.0, 0.0, 0.0), low=0.0, high=1.0)
+BACK = ObjectSurface("back", (-0.1, 0.0, 0.0), (-1.0, 0.0, 0.0), width=0.5, height=0.3)
+BLOCK = WorldObject("block", (1.0, 0.2, 1.0), (0.2, 0.2, 0.2), 1.0, joint=RAIL, surfaces=(BACK,))
+SITE = VehicleContext("nano", AIRFRAME, ZERO, 0.0, FENCE, DT, objects={"block": BLOCK})
 CENTRED = InputReading(0, dict.fromkeys(AXES, 0.0))
 INPUTS = {"a": CENTRED}
+
+
+def seen_block(q: float = 0.0, speed: float = 0.0, now: int = 0) -> SeenObjects:
+    """The block when it was seen at `q` on its rail."""
+    x, y, z = BLOCK.at
+    return {"block": SeenObject(now, (x + q, y, z), LEVEL, (speed, 0.0, 0.0), q, speed)}
 
 
 def estimate(

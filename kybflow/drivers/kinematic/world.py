@@ -46,6 +46,7 @@ from kybflow.core.signals import (
     Time,
     Truth,
 )
+from kybflow.drivers.kinematic.objects import IdealObjects, Pressing
 from kybflow.parts import ActiveFaults, Link, Seat, Session
 from kybflow.parts.link import Touch
 from kybflow.world.ground import FLOOR
@@ -212,6 +213,12 @@ class IdealVehicle(Link):
     def report_touches(self, tell: Callable[[Touch], None]) -> None:
         self.on_touch = tell
 
+    def pressing(self) -> Iterator[Pressing]:
+        """Yield where it presses, if it does."""
+        command = self._command
+        if command is not None and command.setpoint is not None and command.setpoint.presses:
+            yield self.context, self.state.position, command.setpoint.presses
+
     def move(self, now: Time, dt: float) -> None:
         """Follow the last command for `dt` seconds that end at `now`."""
         command, before, self._noise = self._command, self.state, -self._noise
@@ -292,11 +299,15 @@ class KinematicWorld(Session):
             for one, other in combinations(self._vehicles, 2)
         )
         self._moving = {n: ball for seat in seats for n, ball in seat.context.moving.items()}
+        objects = seats[0].context.objects if seats else {}
+        self._objects = self.scene = IdealObjects(objects) if objects else None
 
     def advance(self, now: Time) -> None:
         dt, self._now = (now - self._now) / NS, now
         for vehicle in self._vehicles:
             vehicle.move(now, dt)
+        if self._objects is not None:
+            self._objects.advance((p for v in self._vehicles for p in v.pressing()), dt)
         touching = frozenset(self._touches())
         if touching != self._touching:
             before, self._touching = self._touching, touching

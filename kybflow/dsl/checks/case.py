@@ -205,5 +205,6 @@ def contexts(case: Case) -> Iterator[tuple[VehiclePlan, VehicleContext]]:
             starts=starts,
             groups=plan.groups,
             delay_margin=delay_margin(outer, inner),
+            objects=plan.objects,
         )  # fmt: skip
         yield vehicle, context

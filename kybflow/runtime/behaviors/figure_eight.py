@@ -93,7 +93,7 @@ class FigureEight(Behavior[FigureEightParams], flight=AIR >> AIR, emits=Setpoint
         acceleration = (ex * ae + nx * an, ey * ae + ny * an, 0.0)
         jerk = (ex * je + nx * jn, ey * je + ny * jn, 0.0)
         return made(
-            Setpoint, (_POSITION, position, velocity, acceleration, jerk, self._heading, 0.0)
+            Setpoint, (_POSITION, position, velocity, acceleration, jerk, self._heading, 0.0, None)
         )
 
     @classmethod

@@ -13,14 +13,13 @@ from collections.abc import Mapping, Sequence
 from math import fsum
 
 from kybflow.core.geometry import wrap
-from kybflow.core.signals import NS, Time
+from kybflow.core.signals import NS, SeenObject, Time
 from kybflow.parts import Stream
 from kybflow.parts.events import ObjectFound, ObjectLost
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.tracked_bodies import Track, TrackedBodies
 from kybflow.world.objects import (
     Placement,
-    SeenObject,
     SlideJoint,
     WorldObject,
     coordinate,
@@ -42,7 +41,7 @@ def tracked_objects(
         """Return the pose of an object, seen or at the start; a part follows what it is on."""
         one, seen = objects[name], bodies.seen.get(name)
         if seen is not None:
-            return seen.placement
+            return Placement(seen.position, seen.attitude)
         if one.moves or one.on is None:
             return at_start[name]
         return one.placed(placed(one.on), 0.0)

@@ -46,7 +46,7 @@ class LimitAcceleration(Processor[LimitAccelerationParams]):
         self._follower = Follower(context.airframe)
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:
-        _, position, velocity, acceleration, _, _, _ = setpoint
+        _, position, velocity, acceleration, *_ = setpoint
         position, velocity = position or ZERO, velocity or ZERO
         follower, limit, dt = self._follower, self.params.acceleration, tick.dt
         follower.resume(setpoint, tick)

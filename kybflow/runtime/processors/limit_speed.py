@@ -45,7 +45,7 @@ class LimitSpeed(Processor[LimitSpeedParams]):
         self._follower = Follower(context.airframe)
 
     def __call__(self, setpoint: Setpoint, tick: Tick) -> Setpoint:
-        kind, position, velocity, acceleration, _, _, _ = setpoint
+        kind, position, velocity, acceleration, *_ = setpoint
         position, velocity = position or ZERO, velocity or ZERO
         follower, most = self._follower, self.params.speed * _SLACK
         follower.resume(setpoint, tick)

@@ -132,7 +132,7 @@ class Smooth(Processor[SmoothParams]):
 
 def _course(setpoint: Setpoint, kind: SetpointKind) -> tuple[_Course, Vec3]:
     """Return the course of a setpoint of this kind, and its third derivative."""
-    _, position, velocity, acceleration, jerk, _, _ = setpoint
+    _, position, velocity, acceleration, jerk, *_ = setpoint
     if kind is SetpointKind.VELOCITY:
         return _Course(velocity or ZERO, acceleration or ZERO, jerk or ZERO), ZERO
     return _Course(position or ZERO, velocity or ZERO, acceleration or ZERO), jerk or ZERO

@@ -86,7 +86,7 @@ class Cascade(Tracker[CascadeParams]):
     def _wanted(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Vec3:
         """Return the desired specific force, world frame, m/s^2."""
         p = self.params
-        _, position, velocity, acceleration, _, _, _ = setpoint
+        _, position, velocity, acceleration, *_ = setpoint
         ax, ay, az = acceleration or ZERO
         ix, iy = self._integral
         az += GRAVITY

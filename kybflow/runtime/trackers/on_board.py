@@ -145,7 +145,7 @@ class OnBoard(Tracker[OnBoardParams]):
     def _followed(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Setpoint:
         """Return the setpoint for the on-board controller."""
         by = self.params.by
-        kind, _, _, _, jerk, heading, rate = setpoint
+        kind, _, _, _, jerk, heading, rate, _ = setpoint
         if by == "velocity" and kind is SetpointKind.POSITION:
             p = self.params
             gap = sub(setpoint.position or estimate.position, estimate.position)
@@ -162,7 +162,7 @@ class OnBoard(Tracker[OnBoardParams]):
         """Return the acceleration (m/s^2, world), and whether the airframe's limits don't reduce
         it."""
         p, drag = self.params, self._airframe.drag
-        _, goal, velocity, acceleration, _, _, _ = setpoint
+        _, goal, velocity, acceleration, *_ = setpoint
         position = px, py, pz = estimate.position
         wx, wy, wz = velocity or ZERO
         vx, vy, vz = estimate.velocity

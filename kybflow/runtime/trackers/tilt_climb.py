@@ -101,7 +101,7 @@ class TiltClimb(Tracker[TiltClimbParams]):
         """Return the horizontal acceleration (m/s^2, world), limited by the largest tilt."""
         p, drag, lead = self.params, self._airframe.drag, self._lead
         k, d, i = self._gains
-        _, position, velocity, acceleration, jerk, _, _ = setpoint
+        _, position, velocity, acceleration, jerk, *_ = setpoint
         wx, wy, _ = velocity or ZERO
         vx, vy, _ = estimate.velocity
         ax, ay, _ = acceleration or ZERO

@@ -73,7 +73,7 @@ class Velocity(Tracker[VelocityParams]):
     def _wanted(self, setpoint: Setpoint, estimate: Estimate, dt: float) -> Vec3:
         """Return the desired specific force, world frame, m/s^2."""
         p = self.params
-        _, position, velocity, acceleration, _, _, _ = setpoint
+        _, position, velocity, acceleration, *_ = setpoint
         wx, wy, wz = velocity or ZERO
         vx, vy, vz = estimate.velocity
         ex, ey, ez = wx - vx, wy - vy, wz - vz

@@ -25,6 +25,7 @@ from kybflow.core.signals import (
     Payload,
     PayloadState,
     Pose,
+    SeenObjects,
     SeenObstacles,
     Sticks,
     Tick,
@@ -329,10 +330,12 @@ class TickBuilder:
         inputs: InputReadings,
         broadcasts: Broadcasts | None,
         moving: SeenObstacles,
+        objects: SeenObjects,
     ) -> None:
         self.fleet: dict[str, Estimate | None] = {}
         self._context, self._knowledge, self._control = context, knowledge, control
         self._link_out, self._inputs, self._moving = link_out, inputs, moving
+        self._objects = objects
         self._neighbours = broadcasts or NOBODY
 
     def tick(self, now: Time, dt: float, entered: Time, fleet: dict[str, Estimate | None]) -> Tick:
@@ -352,6 +355,7 @@ class TickBuilder:
                 link.rejection,
                 self._link_out.sent,
                 frame.uncompared,
+                self._objects,
             ),
         )  # fmt: skip
 

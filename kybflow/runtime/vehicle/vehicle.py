@@ -13,6 +13,7 @@ from kybflow.core.geometry import Vec3
 from kybflow.core.params import named_in
 from kybflow.core.signals import (
     NO_INPUTS,
+    NO_OBJECTS,
     NO_OBSTACLES,
     Alarm,
     Battery,
@@ -20,6 +21,7 @@ from kybflow.core.signals import (
     InputReadings,
     NeighbourState,
     Reaction,
+    SeenObjects,
     SeenObstacles,
     Setpoint,
     Time,
@@ -61,7 +63,7 @@ class Vehicle:
     while the vehicle stands on the ground.
     set_option: requests a change of an option.
     judge: checks the values with which people and flows request states.
-    moving: the moving obstacles.
+    moving, objects: the moving obstacles and the objects that have been seen.
     """
 
     def __init__(
@@ -80,6 +82,7 @@ class Vehicle:
         inputs: InputReadings = NO_INPUTS,
         broadcasts: Broadcasts | None = None,
         moving: SeenObstacles = NO_OBSTACLES,
+        objects: SeenObjects = NO_OBJECTS,
     ) -> None:
         self.plan, self.name, self.context, self.moving = plan, plan.name, context, moving
         self.score = score
@@ -97,7 +100,9 @@ class Vehicle:
             plan, context, link_in, events, observer, score, failsafe.report, sensors, bodies, fleet
         )
         control = Control(plan, context, params, set_option, events)
-        ticks = TickBuilder(context, knowledge, control, link_out, inputs, broadcasts, moving)
+        ticks = TickBuilder(
+            context, knowledge, control, link_out, inputs, broadcasts, moving, objects
+        )
         runner = BehaviorRunner(
             plan, params, ticks, failsafe.foresee, failsafe.is_latched, link_out, events, score
         )

@@ -1,0 +1,101 @@
+"""Press against a surface of an object, square to it, with a constant force.
+
+The vehicle leans towards the surface: its tracker is given the acceleration F / m towards it as
+feed-forward, the surface's own velocity, and the velocity that leads back to the surface's middle,
+and doesn't counter what pushes it back. In contact, the surface then carries about F:
+
+    F = m g tan(tilt)
+
+With 420 g, 5 degrees are 0.36 N. If the object moves at `speed`, the force has fallen to zero, so
+that a free object isn't chased. The force rises within half a second.
+
+It is done when the object is at the stop of its joint towards which it is pushed. It no longer
+presses and fails within 0.2 s when contact is broken or the object isn't seen. Enter it in contact,
+after `approach_contact`; it also fails if contact isn't seen within a second. World frame, SI.
+
+Sources: static contact by feed-forward of force on a vehicle with a fast attitude loop, "Static
+equilibrium of unidirectional-thrust multirotors in contact", arXiv 2306.12167.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import tan
+
+from kybflow.core.geometry import cross, dot, rotate, sub
+from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
+from kybflow.core.units import FORCE, Force, Speed, format_quantity
+from kybflow.flight.contact import TouchSense
+from kybflow.parts import AIR, Behavior, Entry, Objection, param, params
+from kybflow.runtime.behaviors import _surface
+from kybflow.world.objects import Face, TurnJoint
+from kybflow.world.vehicle_context import VehicleContext
+
+_RISE_S = 0.5
+_ENTRY_S = 1.0
+"""The time in which contact must be seen after the entry, s."""
+_AT_STOP, _AT_TURNED_STOP = 0.01, 0.02
+"""How near a stop of a slide, m, and of a turn, rad, counts as there."""
+
+
+@params
+class PushBehaviorParams:
+    surface: str = _surface.surface_param()
+    force: Force = param("Force against the surface.", default=0.25, above=0.0)
+    speed: Speed = param(
+        "Speed of the object at which the vehicle no longer presses.", default=0.2, above=0.02
+    )
+
+
+class PushBehavior(Behavior[PushBehaviorParams], flight=AIR >> AIR, emits=SetpointKind.VELOCITY):
+    def __init__(self, params: PushBehaviorParams, entry: Entry) -> None:
+        super().__init__(params, entry)
+        self._context = entry.context
+        self._touch = TouchSense(entry.context.airframe.bumper or 0.0)
+        self._touched = False
+
+    def update(self, tick: Tick) -> Setpoint | Done | Failed:
+        p, known = self.params, tick.known()
+        face, trouble = _surface.look(p.surface, self._context, tick)
+        if face is None:
+            return Failed(Setpoint(SetpointKind.VELOCITY, None, known.velocity), trouble)
+        rest = _surface.facing(face, known.position, self._context, 0.0, 0.0)._replace(presses=None)
+        touches = self._touch.update(face, known, tick.dt)
+        self._touched = self._touched or touches
+        if not trouble and not touches and (self._touched or tick.elapsed > _ENTRY_S):
+            gap = self._touch.gap(face, known.position)
+            verb = "lost contact with" if self._touched else "doesn't touch"
+            trouble = f"the vehicle {verb} `{p.surface}`, {gap:.3f} m away"
+        if trouble:
+            return Failed(rest, trouble)
+        if self._at_stop(face, tick):
+            return Done(rest)
+        ahead = -dot(face.velocity, face.outward)
+        left = min(1.0, max(0.0, 2.0 - 2.0 * ahead / p.speed))
+        push = min(1.0, tick.elapsed / _RISE_S) * left * p.force / self._context.airframe.mass
+        return _surface.facing(face, known.position, self._context, 0.0, push)
+
+    def _at_stop(self, face: Face, tick: Tick) -> bool:
+        """Return whether the object is at the stop towards which it is pushed."""
+        name = self.params.surface.partition(".")[0]
+        one, seen = self._context.objects[name], tick.objects[name]
+        joint = one.joint
+        if joint is None:
+            return False
+        axis, near = rotate(seen.attitude, one.axis), _AT_STOP
+        if isinstance(joint, TurnJoint):
+            axis, near = cross(axis, sub(face.centre, seen.position)), _AT_TURNED_STOP
+        ahead = -dot(axis, face.outward) > 0.0
+        left = joint.high - seen.q if ahead else seen.q - joint.low
+        return left < near
+
+    @classmethod
+    def objections(cls, params: PushBehaviorParams, context: VehicleContext) -> Iterator[Objection]:
+        found = list(_surface.objections(params.surface, context))
+        yield from found
+        frame = context.airframe
+        most = frame.hover_thrust * tan(frame.tilt)
+        if params.force > most:
+            given, bound = (format_quantity(f, FORCE) for f in (params.force, most))
+            reason = f"{given} are more than the {bound} of the largest tilt, m g tan(tilt)"
+            yield Objection("force", reason, f"write at most `force: {bound}`")
