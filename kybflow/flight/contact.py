@@ -32,6 +32,10 @@ class TouchSense:
         """Return the distance of the bumper from the surface's plane, m."""
         return face.before(position)[0] - self._reach
 
+    def forget(self) -> None:
+        """Touch nothing, since the surface or the vehicle is unknown."""
+        self.touches, self._otherwise = False, 0.0
+
     def update(self, face: Face, known: Estimate, dt: float) -> bool:
         """Return whether the vehicle, which is commanded to press, touches the surface."""
         ahead, aside, above = face.before(known.position)

@@ -141,6 +141,15 @@ class View(Protocol):
         seen last, and grows until it is seen again; in an expectation, it is where the simulator
         has it, if there is one. Unavailable before the obstacle was seen."""
 
+    @property
+    def contact(self) -> str:
+        """The object that the vehicle touches, or `nothing`: in a condition, as inferred from poses
+        and tilt; in an expectation, the simulator's contacts, if any."""
+
+    @property
+    def contact_time(self) -> float:
+        """For how long it has touched that object, s; 0 without contact."""
+
     def object(self, name: str) -> ObjectView:
         """Return the state of an object of the world: in a condition, as motion capture has seen
         it; in an expectation, the simulator's truth, if any. Unavailable while it is not seen."""
@@ -272,6 +281,14 @@ OBSERVABLES: dict[str, Observable] = {
     "elapsed": Observable("Time in the present behavior.", DURATION, lambda v: v.elapsed, low=0.0),
     "behavior": Observable("Name of the present state.", None, lambda v: v.behavior),
     "estimator": Observable("Name of the estimator in use.", None, lambda v: v.estimator),
+    "contact": Observable(
+        "Name of the object that the vehicle touches with its bumper, or `nothing`.", None,
+        lambda v: v.contact,
+    ),
+    "contact.time": Observable(
+        "For how long it has touched that object; 0 s without contact.", DURATION,
+        lambda v: v.contact_time, low=0.0,
+    ),
     "payload": Observable(
         "State of the payload that the vehicle has acknowledged.",
         None,

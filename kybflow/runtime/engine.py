@@ -43,6 +43,7 @@ from kybflow.runtime.fleet.ground_truth import (
     ObjectContacts,
     PayloadDrops,
 )
+from kybflow.runtime.fleet.inferred_contacts import InferredContacts
 from kybflow.runtime.fleet.injection import Injection
 from kybflow.runtime.fleet.inputs import Inputs
 from kybflow.runtime.fleet.moving_obstacles import MovingObstacles
@@ -99,7 +100,11 @@ class Engine:
         self.moving, self.objects = moving, objects
         self._tracked = tuple(one for one in (moving, objects) if one.has_bodies)
         self.true_objects = TrueObjects(plan.objects, sessions)
-        known = KnownObjects(plan.objects, objects.seen, self.true_objects)
+        self.contacts = ObjectContacts(sessions if plan.objects else (), events)
+        self._inferred = InferredContacts(self.vehicles, plan.objects, objects.seen)
+        known = KnownObjects(
+            plan.objects, objects.seen, self.true_objects, self._inferred, self.contacts
+        )
         self._believed = {vehicle.name: BelievedView(vehicle, known) for vehicle in vehicles}
         true, period = {v.name: TrueView(v, known) for v in vehicles}, clock.period / NS
         self.judge = Judge(plan.expectations, true, self.mission_seconds, period)
@@ -123,7 +128,6 @@ class Engine:
         self.injection = Injection(plan.faults, active, self._condition, events, seed)
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable, plan.objects)
         self._has_objects = bool(plan.objects)
-        self.contacts = ObjectContacts(self._sessions if plan.objects else (), events)
         self.excursions = Excursions(self.vehicles, plan.fence, events)
         self.clearances = Clearances(self.vehicles, true, plan.kept_clear)
         self.drops = PayloadDrops(self.vehicles, events)
@@ -216,6 +220,7 @@ class Engine:
     def _advance(self, now: Time) -> None:
         if self._has_objects:
             self.contacts.step(now, self.clock.period / NS)
+            self._inferred.step(now, self.clock.period / NS)
         if now >= self._next_look:
             self._next_look = now + _OBSERVED_EVERY
             self.excursions.step()

@@ -40,7 +40,7 @@ class EstimatorView:
         raise Unavailable
 
     state = wanted = battery = behavior = estimator = elapsed = airborne = property(_never)
-    start = hull = property(_never)
+    start = hull = contact = contact_time = property(_never)
     payload = payload_place = releases = sticks = property(_never)
 
     def obstacle(self, name: str) -> ObstacleView:

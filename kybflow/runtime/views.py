@@ -18,21 +18,30 @@ from kybflow.core.signals import (
 from kybflow.flight.avoidance.surroundings import grown
 from kybflow.parts.observables import ObjectView, ObstacleView, State, Unavailable
 from kybflow.parts.true_objects import TrueObjects
+from kybflow.runtime.fleet.inferred_contacts import InferredContacts, Touching
 from kybflow.runtime.fleet.tracked_bodies import UNSEEN_NS
 from kybflow.world.objects import WorldObject
 from kybflow.world.shapes import Sphere
 
 if TYPE_CHECKING:
+    from kybflow.runtime.fleet.ground_truth import ObjectContacts
     from kybflow.runtime.vehicle.vehicle import Vehicle
+
+
+NOTHING = "nothing"
+"""What a vehicle touches that touches no object."""
 
 
 class KnownObjects(NamedTuple):
     """What is known of the world's objects. made: the objects. seen: what motion capture has seen
-    of them. true: their true states, those of the simulator."""
+    of them. true: their true states, those of the simulator. inferred, contacts: the contacts with
+    them, inferred and the simulator's."""
 
     made: Mapping[str, WorldObject]
     seen: Mapping[str, SeenObject]
     true: TrueObjects
+    inferred: InferredContacts
+    contacts: ObjectContacts
 
 
 class BelievedView:
@@ -117,6 +126,19 @@ class BelievedView:
         known = grown(seen, self._vehicle.now)
         return Sphere(known.position, known.radius)
 
+    @property
+    def contact(self) -> str:
+        touching = self._touching()
+        return NOTHING if touching is None else touching.object
+
+    @property
+    def contact_time(self) -> float:
+        touching = self._touching()
+        return 0.0 if touching is None else (self._vehicle.now - touching.since) / NS
+
+    def _touching(self) -> Touching | None:
+        return self._objects.inferred.touching.get(self._vehicle.name)
+
     def object(self, name: str) -> ObjectView:
         seen = self._objects.seen.get(name)
         if seen is None or self._vehicle.now - seen.time > UNSEEN_NS:
@@ -160,6 +182,11 @@ class TrueView(BelievedView):
         if ball is None or self._vehicle.truth is None:
             return super().obstacle(name)
         return Sphere(ball.at(self._vehicle.now / NS), ball.radius)
+
+    def _touching(self) -> Touching | None:
+        if self._vehicle.truth is None:
+            return super()._touching()
+        return self._objects.contacts.touching(self._vehicle.name)
 
     def object(self, name: str) -> ObjectView:
         if self._vehicle.truth is None:

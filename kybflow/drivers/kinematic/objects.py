@@ -42,6 +42,7 @@ class IdealObjects:
         }
         self._q, self._gone = starts, dict.fromkeys(objects, ZERO)
         self._states: dict[str, ObjectState] = {}
+        self._pressed: set[Contact] = set()
         self._place(dict(starts), 0.0)
 
     def states(self) -> Mapping[str, ObjectState]:
@@ -49,26 +50,28 @@ class IdealObjects:
         return self._states
 
     def contacts(self) -> Mapping[Contact, float]:
-        """Return nothing: ideal contacts have no force."""
-        return {}
+        """Return the contacts with a force of 1 N, which moves everything."""
+        return dict.fromkeys(self._pressed, 1.0)
 
     def advance(self, pressing: Iterable[Pressing], dt: float) -> None:
         """Move what is pressed for `dt` seconds."""
-        before = dict(self._q)
+        before, self._pressed = dict(self._q), set()
         for context, position, direction in pressing:
-            for one, face in self._faces():
+            for one, surface, face in self._faces():
                 ahead, aside, above = face.before(position)
                 gap = abs(ahead - (context.airframe.bumper or context.airframe.hull))
                 beside = abs(aside) > 0.5 * face.width or abs(above) > 0.5 * face.height
                 if gap < _NEAR and not beside and dot(direction, face.outward) < -0.7:
+                    self._pressed.add(Contact(context.vehicle, one.name, surface))
                     self._push(one, face, dt)
         self._place(before, dt)
 
-    def _faces(self) -> Iterator[tuple[WorldObject, Face]]:
+    def _faces(self) -> Iterator[tuple[WorldObject, str, Face]]:
         for name, one in self._objects.items():
             state = self._states[name]
             for surface in one.surfaces:
-                yield one, face_of(surface, Placement(state.position, state.attitude))
+                place = Placement(state.position, state.attitude)
+                yield one, surface.name, face_of(surface, place)
 
     def _push(self, one: WorldObject, face: Face, dt: float) -> None:
         """Move an object away from a face, and everything that it is on."""

@@ -342,6 +342,8 @@ class Semantics:
         elif read.name == "estimator":
             known = self._scope.estimators.get(vehicle)
         words = OBSERVABLES[read.name].words
+        if read.name == "contact":
+            words = (*self._scope.objects, "nothing")
         if words and token.text not in words:
             self.report_unknown(token, f"`{read.name}` is never `{token.text}`", words)
         if known is not None and token.text not in known:

@@ -27,6 +27,7 @@ from kybflow.parts.link import Contact, ReportsTouches, Touch
 from kybflow.parts.observables import Unavailable, View
 from kybflow.runtime.conditions import value_of
 from kybflow.runtime.events import Events
+from kybflow.runtime.fleet.inferred_contacts import Touching
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.world.shapes import Box
 
@@ -140,6 +141,12 @@ class ObjectContacts:
         self._scenes = [session.scene for session in sessions if session.scene is not None]
         self._events = events
         self._begun: dict[Contact, tuple[Time, float]] = {}
+
+    def touching(self, vehicle: str) -> Touching | None:
+        """Return what a vehicle touches, the longest contact if there are several."""
+        own = [(began, c[1]) for c, (began, _) in self._begun.items() if c[0] == vehicle]
+        began, touched = min(own, default=(0, ""))
+        return Touching(touched, began) if touched else None
 
     def step(self, now: Time, dt: float) -> None:
         found = {c: force for one in self._scenes for c, force in one.contacts().items()}

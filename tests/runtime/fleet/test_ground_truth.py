@@ -14,7 +14,8 @@ from kybflow.parts.link import Touch
 from kybflow.parts.observables import Unavailable
 from kybflow.parts.true_objects import TrueObjects
 from kybflow.runtime.events import Events
-from kybflow.runtime.fleet.ground_truth import Clearances, Excursions, Impacts
+from kybflow.runtime.fleet.ground_truth import Clearances, Excursions, Impacts, ObjectContacts
+from kybflow.runtime.fleet.inferred_contacts import InferredContacts
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.views import BelievedView, KnownObjects, TrueView
 from kybflow.world.shapes import Box, MovingSphere, Sphere
@@ -114,7 +115,8 @@ def test_expectations_read_where_a_moving_obstacle_is_and_conditions_where_it_wa
         moving={"ball": seen},
         truth=Truth(ZERO, ZERO, LEVEL, ZERO, None),
     )
-    known = KnownObjects({}, {}, TrueObjects({}, ()))
+    contacts = ObjectContacts((), Events(()))
+    known = KnownObjects({}, {}, TrueObjects({}, ()), InferredContacts((), {}, {}), contacts)
     true, believed = TrueView(vehicle, known), BelievedView(vehicle, known)
     assert true.obstacle("ball") == Sphere(ball.at(2.0), 0.25)
     assert believed.obstacle("ball") == Sphere((1.0, 0.0, 1.0), 0.75)  # half a second at 1 m/s

@@ -1,0 +1,47 @@
+"""A drone pushes a cart: contact is inferred soon after it is true, and a stop ends the push."""
+
+from __future__ import annotations
+
+import pytest
+from toolchain import SHIPPED, compiled, with_library
+
+from kybflow.api.flight import RunRequest, fly
+from kybflow.core.signals import NS, Event
+
+TEXT = next(path for path in SHIPPED if path.stem == "push_cart").read_text(encoding="utf-8")
+CALLBACKS = """\
+on:
+  - {when: drone.contact == cart, do: [{log: touches}]}
+  - {when: drone.contact == nothing, do: [{log: touches nothing}]}
+"""
+
+
+def flown(text: str, tmp_path, seed: int = 0) -> tuple[list[Event], dict]:
+    plan = compiled(with_library(tmp_path) / "push.yaml", text)
+    told: list[Event] = []
+    return told, fly(plan, RunRequest(seed=seed, out=tmp_path / "run"), (told.append,)).summary
+
+
+def times(told: list[Event], name: str, **fields: str) -> list[float]:
+    found = (e for e in told if e.name == name)
+    return [e.time / NS for e in found if fields.items() <= e.fields.items()]
+
+
+def test_contact_is_inferred_soon_after_it_is_true(tmp_path) -> None:
+    told, summary = flown(TEXT + CALLBACKS, tmp_path)
+    assert summary["outcome"] == "succeeded"
+    began, ended = times(told, "contact_began")[0], times(told, "contact_ended")[-1]
+    [noticed] = times(told, "logged", text="touches")
+    missed = times(told, "logged", text="touches nothing")[-1]
+    assert began < noticed < began + 0.6
+    assert ended - 0.1 < missed < ended + 0.5
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_at_the_stop_it_no_longer_presses_and_lets_go(seed: int, tmp_path) -> None:
+    text = TEXT.replace("to: 2 m", "to: 60 cm").replace("$goal - 1 cm", "59 cm")
+    text = text.replace("next: [{when: cart.position > $goal, go: back}]\n        ", "")
+    told, summary = flown(text, tmp_path, seed)
+    assert summary["outcome"] == "succeeded"
+    [ended] = times(told, "behavior_ended", behavior="push", how="done")
+    assert times(told, "contact_ended")[-1] < ended + 1.0
