@@ -37,7 +37,7 @@ SCENARIOS = (
 _LIFTED = ("mocap_frame", "clock_late", "link_cut", "rotor_weak", "mass_change", "push")
 _SIZES = {
     "number": 1.0, "length": 0.3, "speed": 1.2, "acceleration": 0.2, "angle": 0.05,
-    "angular rate": 0.01, "duration": 0.3, "mass": 0.03, "ratio": 0.3,
+    "angular rate": 0.01, "duration": 0.3, "mass": 0.03, "ratio": 0.3, "force": 1.0, "torque": 0.2,
 }  # fmt: skip
 """What is drawn, in SI, where a fault declares neither a default nor two bounds."""
 _SPREAD, _STRONG = 3.0, 8.0
@@ -300,6 +300,9 @@ class _Draw:
     def _fits(self, spec: PartSpec, vehicle: VehiclePlan) -> bool:
         if any(field.names == "vehicle" for field in spec.fields) and len(self._plan.vehicles) < 2:
             return False
+        moving = any(one.moves for one in self._plan.objects.values())
+        if any(field.names == "object" for field in spec.fields) and not moving:
+            return False
         parts = [use.part for use in vehicle.estimators]
         return spec.cls.spoils is None or any(
             spec.cls.spoils in part.cls.uses(part.params) for part in parts
@@ -311,6 +314,8 @@ class _Draw:
         if field.names == "vehicle":
             others = [v.name for v in self._plan.vehicles if v is not vehicle]
             return rng.choice(others)
+        if field.names == "object":
+            return rng.choice([name for name, one in self._plan.objects.items() if one.moves])
         if field.names == "estimator":
             return rng.choice([u.part.label.rpartition(".")[2] for u in vehicle.estimators])
         if field.choices:

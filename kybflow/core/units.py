@@ -100,6 +100,7 @@ Position = Annotated[Vec3, LENGTH]
 Velocity = Annotated[Vec3, SPEED]
 AngularVelocity = Annotated[Vec3, ANGULAR_RATE]
 Accelerations = Annotated[Vec3, ACCELERATION]
+Forces = Annotated[Vec3, FORCE]
 Inertias = Annotated[Vec3, INERTIA]
 Path = Annotated[tuple[Vec3, ...], LENGTH]
 """A sequence of positions of any length."""

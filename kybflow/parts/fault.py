@@ -27,7 +27,7 @@ Rotors = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Effect:
-    """The effects of a fault on one simulated vehicle. The defaults have none.
+    """The effects of a fault on one simulated vehicle or object. The defaults have none.
 
     filter: changes every arriving measurement, including simulated camera frames. repeats: whether
     the filter sends earlier measurements again; it then runs after all other filters. wind: wind
@@ -39,7 +39,8 @@ class Effect:
     the degradation of its simulated cameras. view: the vehicle from whose position its cameras see.
     estimator: the name of the estimator that fails. deaf: nothing from the vehicle arrives over its
     link. mute: nothing sent over its link reaches the vehicle. silent: its messages to other
-    vehicles are lost.
+    vehicles are lost. force, torque: on an object, N in the world frame, and N m about the
+    vertical.
     """
 
     filter: Filter | None = None
@@ -60,11 +61,13 @@ class Effect:
     deaf: bool = False
     mute: bool = False
     silent: bool = False
+    force: Vec3 = ZERO
+    torque: float = 0.0
 
 
 class ActiveFaults:
-    """The effects that are active on one simulated vehicle, oldest first, and their combination. An
-    effect leaves no trace when it ends. `changed` is called after each change.
+    """The effects that are active on one simulated vehicle or object, oldest first, and their
+    combination. An effect leaves no trace when it ends. `changed` is called after each change.
 
     estimators: the names of the estimators that fail. filters: all filters, in the order in which
     they are applied.
@@ -120,6 +123,16 @@ class ActiveFaults:
     def push(self) -> Vec3:
         """The sum of all forces per body mass, m/s^2, world frame."""
         return _sum(e.push for e, _ in self._effects)
+
+    @property
+    def force(self) -> Vec3:
+        """The sum of all forces on an object, N, world frame."""
+        return _sum(e.force for e, _ in self._effects)
+
+    @property
+    def torque(self) -> float:
+        """The sum of all torques on an object about the vertical, N m."""
+        return sum(e.torque for e, _ in self._effects)
 
     @property
     def mass(self) -> float:
@@ -230,5 +243,5 @@ class Fault(Part[P]):
 
     @abstractmethod
     def effects(self, vehicle: str) -> Mapping[str, Effect]:
-        """Return the effects by vehicle: on `vehicle`, where the fault is injected, and on any
-        others. Called once; the effects are active until the fault ends."""
+        """Return the effects by vehicle or object: on `vehicle`, where the fault is injected, and
+        on any others. Called once; the effects are active until the fault ends."""

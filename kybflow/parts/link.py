@@ -272,6 +272,9 @@ class SimulatedScene(Protocol):
     def contacts(self) -> Mapping[Contact, float]:
         """Return the force (N) of every contact of a vehicle with an object."""
 
+    def faults(self) -> Mapping[str, ActiveFaults]:
+        """Return the faults of every object that can have some, by name."""
+
 
 def truth_source(link: Link) -> Callable[[], Truth | None]:
     """Return a function that returns the vehicle's true state, or always None if there is no

@@ -37,6 +37,15 @@ def test_contact_is_inferred_soon_after_it_is_true(tmp_path) -> None:
     assert ended - 0.1 < missed < ended + 0.5
 
 
+def test_it_lets_go_in_a_fifth_of_a_second_when_somebody_takes_the_cart_away(tmp_path) -> None:
+    hand = "{when: cart.position > 60 cm, on: drone, inject: push_object, object: cart"
+    told, _ = flown(f"{TEXT}faults:\n  - {hand}, force: [6 N, 0, 0], for: 0.3 s}}\n", tmp_path)
+    [failed] = [e for e in told if e.name == "behavior_failed"]
+    assert "lost contact with `cart.back`" in failed.fields["reason"]
+    assert failed.time / NS < times(told, "contact_ended")[-1] + 0.2
+    assert [e.fields["behavior"] for e in told if e.name == "behavior_started"][-1] == "landed"
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_at_the_stop_it_no_longer_presses_and_lets_go(seed: int, tmp_path) -> None:
     text = TEXT.replace("to: 2 m", "to: 60 cm").replace("$goal - 1 cm", "59 cm")

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from kybflow.core.geometry import ZERO, Vec3, add, cross, dot, heading_of, norm, rotate, scale, sub
+from kybflow.parts import ActiveFaults
 from kybflow.parts.link import Contact
 from kybflow.world.objects import (
     WORLD,
@@ -52,6 +53,10 @@ class IdealObjects:
     def contacts(self) -> Mapping[Contact, float]:
         """Return the contacts with a force of 1 N, which moves everything."""
         return dict.fromkeys(self._pressed, 1.0)
+
+    def faults(self) -> Mapping[str, ActiveFaults]:
+        """Return nothing: an ideal world has no faults."""
+        return {}
 
     def advance(self, pressing: Iterable[Pressing], dt: float) -> None:
         """Move what is pressed for `dt` seconds."""

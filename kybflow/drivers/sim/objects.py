@@ -14,6 +14,7 @@ slows the joint exactly as d would, for any d. A surface is a plate of the objec
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from html import escape
 from math import degrees, expm1, inf
 from typing import Any, NamedTuple
@@ -23,6 +24,7 @@ import numpy
 
 from kybflow.core.geometry import heading_of
 from kybflow.drivers.sim.model import OBJECT, numbers
+from kybflow.parts import ActiveFaults
 from kybflow.parts.link import Contact
 from kybflow.world.objects import (
     WORLD,
@@ -105,6 +107,11 @@ class SimulatedObjects:
         for one in self._objects:
             if one.made.joint is not None:
                 data.qpos[one.place] = one.made.joint.start
+        self._faults = {
+            name: ActiveFaults(name, partial(self._disturb, name))
+            for name, one in objects.items()
+            if one.moves
+        }
         self._wrench = numpy.zeros(6)
         self._read, self._states = -1.0, dict[str, ObjectState]()
 
@@ -114,6 +121,15 @@ class SimulatedObjects:
         joint = self._model.joint(OBJECT + one.name)
         freedom = int(joint.dofadr[0])
         return _Moved(one, int(joint.qposadr[0]), freedom, float(self._model.dof_M0[freedom]))
+
+    def faults(self) -> Mapping[str, ActiveFaults]:
+        """Return the faults of the objects that move, by name."""
+        return self._faults
+
+    def _disturb(self, name: str) -> None:
+        """Apply what pushes an object, until it changes."""
+        body, active = self._data.body(OBJECT + name), self._faults[name]
+        body.xfrc_applied[:] = (*active.force, 0.0, 0.0, active.torque)
 
     def resist(self, seconds: float) -> None:
         """Set the viscous friction of the joints for the next span of steps."""

@@ -109,8 +109,15 @@ def itself(case: Case) -> Iterator[Diagnostic]:
 
 
 def unknown_estimators(case: Case) -> Iterator[Diagnostic]:
-    """KYB335: a fault names an estimator that its vehicle does not have."""
+    """KYB335: a fault names an estimator that its vehicle does not have, or an object that does not
+    exist or is a part of another one."""
+    moving = [name for name, one in case.plan.objects.items() if one.moves]
     for fault in case.plan.faults:
+        for name, span in _named(fault, "object"):
+            if name not in moving:
+                hint = did_you_mean(name, moving) if moving else "declare one in `world.objects`"
+                message = f"no object that moves is called `{name}`"
+                yield Diagnostic("KYB335", message, span, help=hint)
         vehicle = case.plan.fleet.get(fault.vehicle)
         known = [] if vehicle is None else [use.part.alias for use in vehicle.estimators]
         for name, span in _named(fault, "estimator"):
