@@ -145,7 +145,7 @@ _FAMILIES = {
     "Data from sensors to rotors": (301, 535),
     "Paths, limits and obstacles": (311, 340, 426, 444, 453, 510, 545, 556),
     "Gains and their margins": (323,),
-    "Estimators and failsafe": (360, 416, 439, 446, 566),
+    "Estimators and failsafe": (360, 416, 439, 446, 566, 590),
     "Files that parts read": (370,),
     "Printed tags": (380, 386, 422, 445),
     "Cameras": (385, 387),
@@ -155,6 +155,7 @@ _FAMILIES = {
     "Airframes and what they carry": (420,),
     "Time and energy": (430, 448, 455, 575),
     "Several vehicles": (440,),
+    "Objects": (580,),
     "Rehearsals": (470,),
 }
 """The families of codes, with the first code of each of their ranges. A range extends to the next

@@ -152,8 +152,9 @@ class Field:
     direction in which the value may change in flight. names: what the value names; the compiler
     checks that it exists. reads: the function with which the compiler checks a file. limited_by:
     another parameter of the part that this one must not exceed, because the part would never
-    succeed. only_with: another parameter without which this one has no effect. room: the extent of
-    the fence with which the length is compared; the length has no effect if it is more than half of
+    succeed. only_with: another parameter without which this one has no effect. only_for: the
+    values of that parameter with which it has one; by default any but null. room: the extent of the
+    fence with which the length is compared; the length has no effect if it is more than half of
     the longest side (`across`) or more than the height (`up`). A `floor` is also compared with the
     height at which the behavior is entered.
     binary: whether the file may be other than text. key: the key in YAML, if it differs from the
@@ -181,6 +182,7 @@ class Field:
     reads: Reads | None = None
     limited_by: str | None = None
     only_with: str | None = None
+    only_for: tuple[str, ...] = ()
     room: Room | None = None
     binary: bool = False
     key: str = ""

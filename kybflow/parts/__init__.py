@@ -21,7 +21,7 @@ from kybflow.parts.behavior import (
     Origin,
 )
 from kybflow.parts.control_loop import Estimator, Processor, Supervisor, Tracker
-from kybflow.parts.driver import Act, Air, Charge, Driver, Seat, Session
+from kybflow.parts.driver import Act, Air, Charge, Driver, MeasuredPositions, Seat, Session
 from kybflow.parts.fault import ActiveFaults, Effect, Fault, Filter
 from kybflow.parts.input import AXES, Input, InputLink
 from kybflow.parts.link import Check, ForeignCommand, Link, Override, StatusText
@@ -55,6 +55,7 @@ __all__ = [
     "InputLink",
     "Leg",
     "Link",
+    "MeasuredPositions",
     "Objection",
     "Origin",
     "Override",

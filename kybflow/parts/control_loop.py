@@ -59,6 +59,17 @@ class Estimator(Part[P]):
         parameters."""
         return cls.needs
 
+    @classmethod
+    def least_spread(cls, params: P, error: float) -> float:
+        """Return the least spread (m) of its estimates if a measured position has this standard
+        deviation along its worst axis."""
+        return 0.0
+
+    @classmethod
+    def objections(cls, params: P, context: VehicleContext) -> Iterator[Objection]:
+        """Yield why these parameters make no sense for the vehicle of `context`."""
+        yield from ()
+
     @abstractmethod
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
         """Return the estimate at `now`, or None if there is none. Called once a tick with all
@@ -80,8 +91,10 @@ class Processor(Part[P]):
     whether it also runs during take-off and landing. clamps: whether a change of the setpoint is
     permanent (a goal beyond a fence), not only a delay or a detour; it then emits `clamp_started`,
     and a behavior that ends while its goal is clamped has failed. goes_round: whether it leads the
-    vehicle around obstacles between it and its goal. idle: whether it will never change anything;
-    it is then not called. retunes: the options of the vehicle's tracker that it may change.
+    vehicle around obstacles between it and its goal. evades: whether it moves the
+    setpoint elsewhere, away from what is near. slows: whether it limits how the setpoint may move.
+    idle: whether it will never change anything; it is then not called. retunes: the options of the
+    vehicle's tracker that it may change.
     """
 
     kind = "processors"
@@ -89,6 +102,8 @@ class Processor(Part[P]):
     safety: ClassVar[bool] = False
     clamps: ClassVar[bool] = False
     goes_round: ClassVar[bool] = False
+    evades: ClassVar[bool] = False
+    slows: ClassVar[bool] = False
     idle: bool = False
     retunes: ClassVar[frozenset[str]] = frozenset()
 
@@ -192,6 +207,12 @@ class Supervisor(Part[P]):
         """Return the distance (m) between the centres of two vehicles with diameters `own` and
         `other` below which it alarms; 0 if it doesn't watch this distance."""
         return 0.0
+
+    @classmethod
+    def estimate_bounds(cls, params: P) -> tuple[float, float] | None:
+        """Return the age (s) and the spread (m) of an estimate above which it ends a flight; None
+        if it watches neither, or doesn't end the flight."""
+        return None
 
     @classmethod
     def can_emit(cls, context: VehicleContext) -> tuple[str, ...]:

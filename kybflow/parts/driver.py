@@ -41,6 +41,15 @@ class Air(NamedTuple):
     force: float = 0.0
 
 
+class MeasuredPositions(NamedTuple):
+    """The positions that a driver measures, as by GPS: their delay and the time between two, s, and
+    the standard deviation along the worst axis, m."""
+
+    latency: float
+    period: float
+    error: float
+
+
 class Act(NamedTuple):
     """An act that a vehicle can perform on request, apart from flying its mission. moves: whether
     the vehicle moves by itself and doesn't follow commands meanwhile. needs: the driver's parameter
@@ -161,6 +170,11 @@ class Driver(Part[P]):
     def inner_loop(cls, params: P, airframe: Airframe) -> InnerLoop | None:
         """Return the inner loop that follows a tracker's commands on `airframe`, from which gains
         are designed; None if unknown."""
+        return None
+
+    @classmethod
+    def positions(cls, params: P) -> MeasuredPositions | None:
+        """Return how late, how often and how exactly positions are measured; None if unknown."""
         return None
 
     @classmethod

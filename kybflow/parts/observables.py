@@ -190,7 +190,8 @@ class Observable:
     of a state or an estimator), which is compared with `==` and `!=`. low, high: bounds that hold
     for every vehicle, SI. words: all possible values of a text, if they are fixed. reach: returns
     the bounds for a vehicle within an envelope; None if these don't differ from `low` and
-    `high`. wraps: whether it is a direction, which jumps from `high` to `low`."""
+    `high`. wraps: whether it is a direction, which jumps from `high` to `low`. aloft: whether it is
+    known only in the air."""
 
     help: str
     dimension: Dimension | None
@@ -200,6 +201,7 @@ class Observable:
     words: tuple[str, ...] = ()
     reach: Callable[[Envelope], tuple[float, float]] | None = None
     wraps: bool = False
+    aloft: bool = False
 
     def bounds(self, envelope: Envelope | None) -> tuple[float, float]:
         """Return the range that the value never leaves, for a vehicle within `envelope` if it is
@@ -269,7 +271,7 @@ OBSERVABLES: dict[str, Observable] = {
     ),
     "position_error": Observable(
         "Distance from the behavior's setpoint, in the air.", LENGTH, _position_error, low=0.0,
-        reach=lambda e: (0.0, e.error),
+        reach=lambda e: (0.0, e.error), aloft=True,
     ),
     "velocity_error": Observable(
         "Norm of the velocity's deviation from the behavior's setpoint, in the air.",
@@ -277,6 +279,7 @@ OBSERVABLES: dict[str, Observable] = {
         _velocity_error,
         low=0.0,
         reach=lambda e: (0.0, e.velocity_error),
+        aloft=True,
     ),
     "elapsed": Observable("Time in the present behavior.", DURATION, lambda v: v.elapsed, low=0.0),
     "behavior": Observable("Name of the present state.", None, lambda v: v.behavior),

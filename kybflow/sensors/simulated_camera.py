@@ -19,8 +19,8 @@ from kybflow.core.errors import DriverError
 from kybflow.core.geometry import add, distance, integrate, rotate, scale
 from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Frame, Measurement, Time, Truth
-from kybflow.core.units import Duration
-from kybflow.parts import Link, Sensor, Stream
+from kybflow.core.units import RATIO, Duration, format_quantity
+from kybflow.parts import Link, Objection, Sensor, Stream
 from kybflow.parts.link import is_calm, view_source
 from kybflow.parts.sensor import frames_of
 from kybflow.vision import OPENCV, WAY_OUT
@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 
 _ON_BOARD = 0.02
 """Distance from its position on board within which a payload counts as carried, metres."""
+
+_FEW = 0.1
+"""The share of tags that leaves a vehicle without any for most of its way."""
 
 
 @params
@@ -53,6 +56,17 @@ class SimulatedCamera(Sensor[SimulatedCameraParams]):
     provides = frozenset({Frame})
     packages = OPENCV
     simulated = True
+
+    @classmethod
+    def objection(
+        cls, params: SimulatedCameraParams, cameras: Mapping[str, Camera]
+    ) -> Objection | None:
+        left = (1.0 - params.covered) * (1.0 - params.missing)
+        if left > _FEW:
+            return None
+        parameter = "covered" if params.covered >= params.missing else "missing"
+        reason = f"only {format_quantity(round(left, 3), RATIO)} of the tags can be seen"
+        return Objection(parameter, reason, f"write less, such as `{parameter}: 20 %`", True)
 
     @classmethod
     def claims(cls, params: SimulatedCameraParams, cameras: Mapping[str, Camera]) -> Sequence[str]:

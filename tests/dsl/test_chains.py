@@ -63,7 +63,7 @@ vehicles:
 expect:
   - always distance(a to world.points.dock) < 3 m
   - eventually a.behavior == tour.first
-  - eventually a.behavior != tour
+  - finally a.behavior != tour
 """
 
 

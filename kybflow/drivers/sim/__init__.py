@@ -29,7 +29,7 @@ from kybflow.core.units import (
     Speed,
     Velocity,
 )
-from kybflow.parts import Air, Charge, Driver, Seat, Session, param, params
+from kybflow.parts import Air, Charge, Driver, MeasuredPositions, Seat, Session, param, params
 from kybflow.world.vehicle_context import Airframe, InnerLoop
 
 if TYPE_CHECKING:
@@ -242,6 +242,12 @@ class Sim(Driver[SimParams]):
             cut_off, command = p.gyro_filter, p.command_latency
         dead, period, step = max(0.0, steps) / p.physics, 1.0 / p.mocap_rate, 1.0 / p.physics
         return InnerLoop(loop, lag, cut_off, dead, command, p.mocap_latency, period, step)
+
+    @classmethod
+    def positions(cls, params: SimParams) -> MeasuredPositions:
+        p = params
+        error = max(p.position_noise, p.position_noise_up)
+        return MeasuredPositions(p.position_latency, 1.0 / p.position_rate, error)
 
     @classmethod
     def step_rate(cls, params: SimParams) -> float | None:

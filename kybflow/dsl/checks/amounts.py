@@ -32,6 +32,8 @@ _MIN_RATE = pi / 180.0
 """The least rate of turning that makes sense, rad/s: six minutes a turn."""
 _MIN_TILT = 0.5 * pi / 180.0
 """The least tilt that makes sense, rad: it accelerates by less than 0.1 m/s^2."""
+_MIN_TOLERANCE = 0.001
+"""Distance from its goal within which no vehicle stays, m."""
 _MIN_CLIMB = 0.1
 """The least climb of a take-off, m. After a smaller one the vehicle may still be on the ground."""
 
@@ -90,13 +92,28 @@ def _judged(params: Any) -> tuple[Field, ...]:
 
 
 def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
-    """KYB427: a length is too large to have any effect inside the fence: a tolerance or a clearance
-    of more than half of the fence's longest side, or a height above its top (a warning)."""
+    """KYB427: a length is too large to have any effect inside the fence, or a tolerance is too
+    small to be met (a warning).
+
+    A tolerance or a clearance is more than half of the fence's longest side, a height is above its
+    top, or a tolerance is below 1 mm.
+    """
     fence = case.plan.fence
-    for _, _, part, field in case.cached(bounded_parameters) if fence is not None else ():
-        if fence is None or field.room is None or not part.is_written(field.name):
+    for _, _, part, field in case.cached(bounded_parameters):
+        if field.room is None or not part.is_written(field.name):
             continue
         is_height, value = field.room != "across", getattr(part.params, field.name)
+        if field.name == "tolerance" and value is not None and value < _MIN_TOLERANCE:
+            yield Diagnostic(
+                "KYB427",
+                f"with a `tolerance` of {quantity(value, LENGTH)}, `{part.alias}` hardly ever ends",
+                part.span_of(field.name),
+                label="no vehicle is that exact",
+                help=f"write more, such as `tolerance: {quantity(_usual(field), LENGTH)}`",
+                severity=Severity.WARNING,
+            )
+        if fence is None:
+            continue
         extent = fence.size[2] if is_height else max(fence.size)
         if value is None or value <= (extent if is_height else 0.5 * extent):
             continue
@@ -119,18 +136,23 @@ def larger_than_the_room(case: Case) -> Iterator[Diagnostic]:
 
 
 def without_effect(case: Case) -> Iterator[Diagnostic]:
-    """KYB568: a parameter has no effect because another one is missing, such as a `turn_rate`
-    without a `heading` (a warning)."""
+    """KYB568: a parameter has no effect because another one is missing or has another value, such
+    as a `turn_rate` without a `heading`, or a `tilt` where the sticks command velocities (a
+    warning)."""
     for _, _, part, field in case.cached(bounded_parameters):
         other = field.only_with
-        if other is None or getattr(part.params, other) is not None:
+        if other is None:
+            continue
+        given = getattr(part.params, other)
+        if given in field.only_for if field.only_for else given is not None:
             continue
         if getattr(part.params, field.name) != field.default:
+            needed = " or ".join(f"`{other}: {value}`" for value in field.only_for) or f"`{other}`"
             yield Diagnostic(
                 "KYB568",
-                f"`{field.name}` has no effect without `{other}`",
+                f"`{field.name}` has no effect without {needed}",
                 part.span_of(field.name),
-                help=f"add `{other}`, or remove `{field.name}`",
+                help=f"add {needed}, or remove `{field.name}`",
                 severity=Severity.WARNING,
             )
 

@@ -21,7 +21,8 @@ from kybflow.dsl.expressions import (
 )
 from kybflow.dsl.language.records import Record
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.parts.observables import chains_of
+from kybflow.parts import GROUND
+from kybflow.parts.observables import OBSERVABLES, chains_of
 
 
 def conditions(case: Case) -> Iterator[Diagnostic]:
@@ -200,8 +201,23 @@ def not_measured(case: Case) -> Iterator[Diagnostic]:
 
     The battery and a pilot's sticks are known if the target's driver reports them; sticks are not
     checked if the mission has its own `targets`. The position and the position error are known if
-    the vehicle has an estimator. A comparison with an unknown value is false.
+    the vehicle has an estimator, and the errors only in the air. A comparison with an unknown value
+    is false.
     """
+    for typed in case.cached(expected_conditions):
+        match typed.condition:
+            case tree.Compare(left=tree.Aggregate(_, tree.Read(_, name), str(own), str(state))) if (
+                OBSERVABLES[name].aloft
+                and (legs := case.legs(case.plan.fleet[own], state))
+                and all(leg == (GROUND, GROUND) for leg in legs)
+            ):
+                yield Diagnostic(
+                    "KYB258",
+                    f"`{name}` of `{own}` is never known in `{state}`",
+                    typed.text.span,
+                    label="it is known only in the air",
+                    help="name a state in the air",
+                )
     telling = ("battery.", *_ESTIMATED)
     is_blind = any(_lacking(case, v, name) for v in case.plan.vehicles for name in telling)
     for typed in (*case.cached(conditions_of), *case.cached(expected_conditions)):

@@ -1,4 +1,4 @@
-"""Data from the estimators to the driver: KYB301 to KYB304, KYB306 and KYB536.
+"""Data from the estimators to the driver: KYB301 to KYB304, KYB306, KYB536 and KYB537.
 
 measurement ─► estimator          behavior ─► processors ─► tracker ─► driver
 """
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from kybflow.core.signals import CommandKind, MeasurementKind, SetpointKind, kind_name
 from kybflow.dsl.checks.case import Case, part_of
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic, Related, Severity
 from kybflow.dsl.expanding.targets import divides, provided
 from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, VehiclePlan
@@ -38,7 +38,8 @@ def chains_that_do_not_connect(case: Case) -> Iterator[Diagnostic]:
             if target is not None and driver.span == target.span:  # the mission doesn't write it
                 label = f"`{driver.name}` {gap.label}"
                 gap = replace(gap, span=tracker.span, label=label)
-            yield replace(gap, help=_fitting_tracker(case, vehicle, takes))
+            related = () if gap.span == tracker.span else (Related(tracker.span, "the tracker"),)
+            yield replace(gap, help=_fitting_tracker(case, vehicle, takes), related=related)
         walked: dict[tuple[SetpointKind | CommandKind, bool], _Refusal | None] = {}
         for name in (*vehicle.states, *BUILT_IN):
             behavior = case.behavior(vehicle, name)
@@ -119,6 +120,33 @@ def _gap(part: PartPlan, what: str, origin: str, takes: Collection[Enum]) -> Dia
 
 def _name(kind: Enum) -> str:
     return str(kind.value)
+
+
+def undone_by_the_next(case: Case) -> Iterator[Diagnostic]:
+    """KYB537: a processor undoes what one before it does: a limit slows down evasions, or an
+    evasion leaves the bounds that a processor like `fence` keeps (a warning)."""
+    for vehicle in case.plan.vehicles:
+        evading = clamping = None
+        for part in vehicle.processors:
+            before, what = None, ""
+            if evading is not None and part.cls.slows:
+                before, what = evading, "slows down what it does to keep its distance"
+            elif clamping is not None and part.cls.evades:
+                before, what = clamping, "may lead the setpoint out again"
+            if part.cls.evades or part.cls.keeps_off(part.params, vehicle.airframe) > 0.0:
+                evading = part
+            elif part.cls.clamps:
+                clamping = part
+            if before is not None:
+                yield Diagnostic(
+                    "KYB537",
+                    f"`{part.alias}` of `{vehicle.name}` comes after `{before.alias}`",
+                    part.span,
+                    label=what,
+                    help=f"put `{part.alias}` before `{before.alias}`",
+                    severity=Severity.WARNING,
+                    related=(Related(before.span, f"`{before.alias}`"),),
+                )
 
 
 def missing_measurements(case: Case) -> Iterator[Diagnostic]:

@@ -371,41 +371,58 @@ def _limited_by(
     return "of the fence" if dimension is LENGTH else "of the airframe"
 
 
+_AT_FIRST = {
+    True: "the vehicles are still at their starts",
+    False: "the vehicles are still in their first states",
+}
+
+
 def false_at_first(case: Case) -> Iterator[Diagnostic]:
-    """KYB412: an `always` is false in the first tick, when the vehicles are at their starts, so it
-    fails in every flight."""
+    """KYB412: an `always` is false in the first tick, when the vehicles are at their starts and in
+    their first states, so it fails in every flight."""
     for text, expression in case.expected():
         if not isinstance(expression, tree.Always):
             continue
         usual, _, at_first = reaches_of(case)(None)
         condition = expression.condition
-        if never_holds(condition, at_first) and not never_holds(condition, usual):
+        if never_holds(_begun(case, text, condition), at_first) and not never_holds(
+            condition, usual
+        ):
             yield Diagnostic(
                 "KYB412",
                 f"`{text.as_written}` is false from the start",
                 text.span,
-                label="the vehicles are still at their starts",
+                label=_AT_FIRST[never_holds(condition, at_first)],
                 help="check one state: `min(a.state.altitude in hold) > 1 m`",
             )
 
 
 def true_at_first(case: Case) -> Iterator[Diagnostic]:
-    """KYB413: an `eventually` is true in the first tick, when the vehicles are at their starts, so
-    it checks nothing of the flight (a warning)."""
+    """KYB413: an `eventually` is true in the first tick, when the vehicles are at their starts and
+    in their first states, so it checks nothing of the flight (a warning)."""
     for text, expression in case.expected():
         if not isinstance(expression, tree.Eventually):
             continue
         usual, _, at_first = reaches_of(case)(None)
         condition = expression.condition
-        if always_holds(condition, at_first) and not always_holds(condition, usual):
+        begun = _begun(case, text, tree.Not(condition))
+        if never_holds(begun, at_first) and not always_holds(condition, usual):
             yield Diagnostic(
                 "KYB413",
                 f"`{text.as_written}` is true from the start",
                 text.span,
-                label="the vehicles are still at their starts",
+                label=_AT_FIRST[always_holds(condition, at_first)],
                 help="write `finally` to check the end of the run",
                 severity=Severity.WARNING,
             )
+
+
+def _begun(case: Case, text: Text, condition: tree.Condition) -> tree.Condition:
+    """Return a condition with the states in which its vehicles begin."""
+    if not _OF_STATES.search(text.text):
+        return condition
+    named = sorted({vehicle for vehicle, _ in named_states(condition, None)})
+    return tree.And((condition, *(_is_in(name, case.plan.fleet[name].begin) for name in named)))
 
 
 def ends_in_the_air(case: Case) -> Iterator[Diagnostic]:

@@ -1,5 +1,5 @@
 """Estimators that are missing, never used or not available for long: KYB255, KYB256, KYB305,
-KYB361, KYB362, KYB419, KYB439, KYB566 and KYB567."""
+KYB361, KYB362, KYB419, KYB439, KYB566, KYB567 and KYB590 to KYB592."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ from collections.abc import Iterator
 from math import floor, inf
 from typing import NamedTuple
 
-from kybflow.core.signals import Frame, Imu, Pose
+from kybflow.core.signals import Frame, Imu, Pose, Position
 from kybflow.core.text import did_you_mean
-from kybflow.core.units import DURATION
+from kybflow.core.units import DURATION, LENGTH
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.space import the_cameras, the_loop
-from kybflow.dsl.diagnostics import Diagnostic, Severity, Text
+from kybflow.dsl.checks.space import footprints, shown_point, the_cameras, the_loop
+from kybflow.dsl.diagnostics import Diagnostic, Related, Severity, Text
 from kybflow.dsl.expressions.reasoning import Bounds, never_holds
-from kybflow.dsl.expressions.tree import And, Compare, Read, quantity
-from kybflow.dsl.plan import EstimatorPlan, VehiclePlan
+from kybflow.dsl.expressions.tree import And, Compare, Condition, Quantity, Read, quantity
+from kybflow.dsl.plan import EstimatorPlan, PartPlan, VehiclePlan
 from kybflow.parts import Estimator
+from kybflow.world.shapes import Box
 
 
 def never_used(case: Case) -> Iterator[Diagnostic]:
@@ -88,6 +89,7 @@ def late_poses(case: Case) -> Iterator[LatePoses]:
 
 
 _HALVINGS = 20
+_ROUNDING = 1e-9
 
 
 def latency_allowed(case: Case, vehicle: VehiclePlan) -> float | None:
@@ -104,8 +106,9 @@ def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
     measurements, so it is healthy only intermittently (a warning) or never (an error). If a latency
     that the mission sets is the reason, that is reported.
 
-    That age is the measurement period plus the latency: for motion capture as the driver declares
-    them, for cameras the period of the slowest one.
+    That age is the measurement period plus the latency: for motion capture and positions as the
+    driver declares them, for cameras the period of the slowest one. One measurement may be lost
+    (a warning), which makes the estimate older by another period.
     """
     for late in case.cached(late_poses):
         driver, shown = late.vehicle.driver, floor(late.allowed * 1e3) / 1e3
@@ -117,29 +120,36 @@ def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
             notes=(f"its `healthy` is `{late.healthy.as_written}`",),
             help=f"write at most `{late.parameter}: {quantity(shown, DURATION)}`",
         )
+    for vehicle, use, (least, most) in case.cached(_measured):
+        condition = case.condition(use, "healthy", case.scopes.health(vehicle.name))
+        healthy, lost = use.text_of("healthy"), 2.0 * most - least
+        if condition is None or healthy is None or latency_allowed(case, vehicle) is not None:
+            continue
+        if not never_holds(condition, _aged(lost, lost)) or never_holds(condition, _aged(0.0, inf)):
+            continue
+        is_never = never_holds(condition, _aged(least, most))
+        allowed = quantity(max(_USUAL, 3.0 * most), DURATION)
+        often, old, when = "never" if is_never else "only intermittently", most, "before the next"
+        if not never_holds(condition, _aged(most, most)):
+            often, old, when = "not always", lost, "after one lost"
+        yield Diagnostic(
+            "KYB419",
+            f"`{use.part.alias}` is {often} healthy with `{healthy.as_written}`",
+            healthy.span,
+            label=f"its estimate is {quantity(old, DURATION)} old {when} measurement",
+            help=f"allow for missing measurements: `age < {allowed}`",
+            severity=Severity.ERROR if is_never else Severity.WARNING,
+            related=(*the_cameras(vehicle), *the_loop(vehicle)),
+        )
+
+
+def _measured(case: Case) -> Iterator[tuple[VehiclePlan, EstimatorPlan, tuple[float, float]]]:
+    """Yield each estimator for which the ages of its estimates are known, with these."""
     for vehicle in case.plan.vehicles:
-        for use in vehicle.estimators if latency_allowed(case, vehicle) is None else ():
-            condition = case.condition(use, "healthy", case.scopes.health(vehicle.name))
-            healthy, ages = use.text_of("healthy"), _ages(vehicle, use)
-            if condition is None or healthy is None or ages is None:
-                continue
-            least, most = ages
-            if not never_holds(condition, _aged(most, most)) or never_holds(
-                condition, _aged(0.0, inf)
-            ):
-                continue
-            is_never = never_holds(condition, _aged(least, most))
-            allowed = quantity(max(_USUAL, 3.0 * most), DURATION)
-            often = "never" if is_never else "only intermittently"
-            yield Diagnostic(
-                "KYB419",
-                f"`{use.part.alias}` is {often} healthy with `{healthy.as_written}`",
-                healthy.span,
-                label=f"its estimate is {quantity(most, DURATION)} old before the next measurement",
-                help=f"allow for missing measurements: `age < {allowed}`",
-                severity=Severity.ERROR if is_never else Severity.WARNING,
-                related=(*the_cameras(vehicle), *the_loop(vehicle)),
-            )
+        for use in vehicle.estimators:
+            ages = _ages(vehicle, use)
+            if ages is not None:
+                yield vehicle, use, ages
 
 
 def _ages(vehicle: VehiclePlan, use: EstimatorPlan) -> tuple[float, float] | None:
@@ -151,7 +161,124 @@ def _ages(vehicle: VehiclePlan, use: EstimatorPlan) -> tuple[float, float] | Non
     inner = driver.cls.inner_loop(driver.params, vehicle.airframe)
     if Pose in needs and Pose in driver.cls.provides and inner is not None:
         return inner.pose_latency, inner.pose_latency + inner.pose_period
+    positions = driver.cls.positions(driver.params) if Position in needs else None
+    if positions is not None:
+        return positions.latency, positions.latency + positions.period
     return None
+
+
+def _watched(vehicle: VehiclePlan) -> Iterator[tuple[PartPlan, float, float]]:
+    """Yield each supervisor that ends the flight when the estimate is lost: from which age (s) and
+    spread (m) on."""
+    for part in vehicle.supervisors:
+        bounds = part.cls.estimate_bounds(part.params)
+        if bounds is not None:
+            yield part, *bounds
+
+
+def falls_back_too_late(case: Case) -> Iterator[Diagnostic]:
+    """KYB590: an estimator counts as healthy for so long, or with such a spread, that a supervisor
+    ends the flight before the next estimator takes over (a warning)."""
+    for vehicle in case.plan.vehicles:
+        for use in vehicle.estimators[:-1]:
+            condition = case.condition(use, "healthy", case.scopes.health(vehicle.name))
+            healthy = use.text_of("healthy")
+            if condition is None or healthy is None:
+                continue
+            age, spread = _allowed(condition, _AGE), _allowed(condition, "estimate.spread")
+            for part, oldest, widest in _watched(vehicle):
+                bounds = [("age", oldest, DURATION)] if age > oldest + _ROUNDING else []
+                if widest + _ROUNDING < spread < inf:
+                    bounds.append(("spread", widest, LENGTH))
+                for what, bound, dimension in bounds[:1]:
+                    shown = quantity(bound, dimension)
+                    yield Diagnostic(
+                        "KYB590",
+                        f"nothing takes over from `{use.part.alias}` before `{part.alias}` acts",
+                        healthy.span,
+                        label=f"`{part.alias}` ends the flight once the {what} is above {shown}",
+                        help=f"write a smaller bound here, such as `{what} < {shown}`, or a larger"
+                        f" `{what}` for `{part.alias}`",
+                        severity=Severity.WARNING,
+                    )
+
+
+def _allowed(condition: Condition, name: str) -> float:
+    """Return the largest value that a `healthy` allows; infinite if it has no such bound."""
+    parts = condition.parts if isinstance(condition, And) else (condition,)
+    bounds = [inf]
+    for part in parts:
+        match part:
+            case Compare("<" | "<=", Read(_, other), Quantity(bound)) if other == name:
+                bounds.append(bound)
+    return min(bounds)
+
+
+def lost_in_order(case: Case) -> Iterator[Diagnostic]:
+    """KYB591: a supervisor ends the flight although all sensors work: its bound for the estimate is
+    below the age or the spread that the measurements of the only estimator reach (an error), or
+    reach when one of them is lost (a warning)."""
+    for vehicle, use, (least, most) in case.cached(_measured):
+        others = [other for other in vehicle.estimators if other is not use]
+        if not all(map(reckons, others)):
+            continue
+        part, driver, lost = use.part, vehicle.driver, 2.0 * most - least
+        positions = driver.cls.positions(driver.params)
+        spread = part.cls.least_spread(part.params, 0.0 if positions is None else positions.error)
+        for watching, oldest, widest in _watched(vehicle):
+            is_bridged = oldest >= most and bool(others)
+            if widest >= spread and (oldest >= lost - _ROUNDING or oldest <= least or is_bridged):
+                continue  # a bound below the latency is reported as KYB416
+            name, value = "age", quantity(most, DURATION)
+            if widest < spread:
+                name, value = "spread", quantity(round(spread, 2), LENGTH)
+            elif oldest >= most:
+                value = f"{quantity(lost, DURATION)} after one lost measurement"
+            causes = list(the_loop(vehicle))
+            if watching.span != vehicle.span:  # not one that every vehicle has
+                causes.append(Related(watching.span, f"`{watching.alias}`"))
+            own = [cause.span for cause in causes if cause.span.file == vehicle.span.file]
+            span = part.span if part.span.file == vehicle.span.file else [*own, part.span][0]
+            yield Diagnostic(
+                "KYB591",
+                f"`{watching.alias}` ends the flight of `{vehicle.name}` although all sensors work",
+                span,
+                label=f"the {name} of `{part.alias}` reaches {value}",
+                help=f"write a larger `{name}` for `{watching.alias}`, or measure better",
+                severity=Severity.WARNING if value.endswith("measurement") else Severity.ERROR,
+                related=tuple(cause for cause in causes if cause.span != span),
+            )
+
+
+def too_coarse_for_the_room(case: Case) -> Iterator[Diagnostic]:
+    """KYB592: a vehicle that flies by positions comes closer to a side of the fence or an obstacle
+    than twice their standard deviation (a warning)."""
+    fence, touchable = case.plan.fence, case.plan.touchable
+    for vehicle in case.plan.vehicles:
+        use = vehicle.estimators[0] if vehicle.estimators else None
+        if use is None or Position not in use.part.cls.uses(use.part.params):
+            continue
+        positions = vehicle.driver.cls.positions(vehicle.driver.params)
+        solids = [shape for name, shape in case.plan.obstacles.items() if name not in touchable]
+        for owner, state, _, footprint in case.cached(footprints) if positions else ():
+            for point in footprint.points if owner is vehicle else ():
+                rooms = [solid.distance(point) for solid in solids]
+                if fence is not None:
+                    (x, y, _), high = fence
+                    rooms.append(-Box((x, y, -inf), high).outside_by(point))
+                if positions is None or min(rooms, default=inf) >= 2.0 * positions.error:
+                    continue
+                room = quantity(round(min(rooms), 2), LENGTH)
+                yield Diagnostic(
+                    "KYB592",
+                    f"the positions of `{use.part.alias}` are too coarse to fly here",
+                    use.part.span,
+                    label=f"their standard deviation is {quantity(positions.error, LENGTH)}",
+                    notes=(f"`{state.name}` flies at {shown_point(point)}, with {room} of room",),
+                    help="fly further away from everything, or by motion capture or tags",
+                    severity=Severity.WARNING,
+                )
+                break
 
 
 _AGE, _USUAL = "estimate.age", 0.25

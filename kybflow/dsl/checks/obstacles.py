@@ -12,7 +12,15 @@ from kybflow.core.geometry import Vec3, distance
 from kybflow.core.units import LENGTH, format_quantity
 from kybflow.dsl.checks.actions import actions_of, sets_of
 from kybflow.dsl.checks.case import WORDS, Case, taken_names
-from kybflow.dsl.checks.space import aim_of, extent, footprints, shown_point, the_fence, values_of
+from kybflow.dsl.checks.space import (
+    aim_of,
+    extent,
+    footprints,
+    shown_point,
+    the_fence,
+    the_part,
+    values_of,
+)
 from kybflow.dsl.diagnostics import Diagnostic, Related, Severity
 from kybflow.dsl.plan import PartPlan, StatePlan, VehiclePlan
 from kybflow.parts import AIR, GROUND, Footprint
@@ -204,7 +212,7 @@ def kept_from_goals(case: Case) -> Iterator[Diagnostic]:
                     *footprint.line_of(found.goal),
                 ),
                 help="move the goal further away, or reduce the processor's distance",
-                related=values_of(state.behavior),
+                related=(*the_part(vehicle, part), *values_of(state.behavior)),
             )
             break
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from kybflow.core.signals import Frame, MeasurementKind, kind_name
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.plan import SensorPlan, VehiclePlan
 
 
@@ -51,12 +51,15 @@ def not_simulated(case: Case) -> Iterator[Diagnostic]:
 
 def not_as_told(case: Case) -> Iterator[Diagnostic]:
     """KYB393: a sensor can't work with its parameters: the airframe has no such camera, or the
-    address of its server is invalid."""
+    address of its server is invalid. It is a warning if the sensor can work, but hardly."""
     for vehicle, use in _written(case):
         objection = use.part.cls.objection(use.part.params, vehicle.own_cameras)
         if objection is not None:
             span = use.part.span_of(objection.parameter)
-            yield Diagnostic("KYB393", objection.reason, span, help=objection.hint)
+            severity = Severity.WARNING if objection.is_doubt else Severity.ERROR
+            yield Diagnostic(
+                "KYB393", objection.reason, span, help=objection.hint, severity=severity
+            )
 
 
 def two_of_the_same(case: Case) -> Iterator[Diagnostic]:

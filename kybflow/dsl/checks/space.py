@@ -116,7 +116,11 @@ def held_back(case: Case) -> Iterator[Diagnostic]:
                     *footprint.line_of(far),
                 ),
                 help=f"stay further away from the fence, or reduce the margin of `{part.alias}`",
-                related=(*the_fence(case), *values_of(state.behavior)),
+                related=(
+                    *the_part(vehicle, part),
+                    *the_fence(case),
+                    *values_of(state.behavior),
+                ),
             )
 
 
@@ -172,13 +176,14 @@ def _entered(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, Entries]]:
 
 def footprints(case: Case) -> Iterator[tuple[VehiclePlan, StatePlan, Vec3 | None, Footprint]]:
     """Yield the footprint of every reachable state for each of its entry positions. If there are
-    obstacles, include the entries through flows."""
+    obstacles or objects, include the entries through flows."""
+    solid = case.plan.obstacles or case.plan.objects
     for vehicle, state, entries in _entered(case):
         for entry in entries.candidates():
             footprint = state.footprint(entry)
             if footprint is not None:
                 yield vehicle, state, entry, footprint
-    for vehicle, name, point in entered_by_flows(case) if case.plan.obstacles else ():
+    for vehicle, name, point in entered_by_flows(case) if solid else ():
         footprint = vehicle.states[name].footprint(point)
         if footprint is not None:
             yield vehicle, vehicle.states[name], point, footprint
@@ -217,6 +222,12 @@ def the_cameras(vehicle: VehiclePlan) -> tuple[Related, ...]:
     """Return the source locations of the vehicle's cameras that the mission itself describes."""
     own = (use for use in vehicle.body.cameras if use.span.file == vehicle.span.file)
     return tuple(Related(use.span, f"its camera `{use.name}`") for use in own)
+
+
+def the_part(vehicle: VehiclePlan, part: PartPlan) -> tuple[Related, ...]:
+    """Return the source location of a part, if the mission itself lists it."""
+    is_own = part.span.file == vehicle.span.file
+    return (Related(part.span, f"`{part.alias}`"),) if is_own else ()
 
 
 def the_loop(vehicle: VehiclePlan) -> tuple[Related, ...]:

@@ -21,7 +21,8 @@ from kybflow.world.vehicle_context import InnerLoop
 
 
 def crossed_at_once(case: Case) -> Iterator[Diagnostic]:
-    """KYB416: a bound of a supervisor or a processor is crossed as soon as the vehicle flies.
+    """KYB416: a bound of a supervisor, a processor or an estimator is crossed as soon as the
+    vehicle flies.
 
     For example, it is shorter than a tick, more precise than any estimate, or wider than the
     distance between the vehicles' starts. Each part decides that for itself.
@@ -32,8 +33,8 @@ def crossed_at_once(case: Case) -> Iterator[Diagnostic]:
 
 
 def of_little_help(case: Case) -> Iterator[Diagnostic]:
-    """KYB417: a bound of a supervisor or a processor is never crossed, crossed too late to help, or
-    crossed in normal flights (a warning)."""
+    """KYB417: a bound of a supervisor, a processor or an estimator is never crossed, crossed too
+    late to help, or crossed in normal flights (a warning)."""
     for objected in case.cached(_objections):
         if objected.objection.is_doubt:
             yield _finding("KYB417", objected, Severity.WARNING)
@@ -52,7 +53,8 @@ def _objections(case: Case) -> Iterator[_Objected]:
         context, allowed = own, latency_allowed(case, vehicle)
         if allowed is not None and own.loop is not None:
             context = own._replace(loop=own.loop._replace(pose_latency=allowed))
-        for part in (*vehicle.supervisors, *vehicle.processors):
+        estimators = (use.part for use in vehicle.estimators)
+        for part in (*estimators, *vehicle.supervisors, *vehicle.processors):
             for objection in part.cls.objections(part.params, context):
                 related = the_loop(vehicle)
                 if related and objection in part.cls.objections(

@@ -69,8 +69,9 @@ class SteerParams:
     turn_rate: AngularRate = param("Largest rate of turning.", default=0.8, above=0.0)
     acceleration: Acceleration = param("Largest acceleration.", default=1.0, above=0.0)
     tilt: Angle = param(
-        "Tilt of a full stick.", default=6 * pi / 180, above=0.0, below=0.6, read_only=True
-    )
+        "Tilt of a full stick.", default=6 * pi / 180, above=0.0, below=0.6, read_only=True,
+        only_with="by", only_for=("tilt", "signals"),
+    )  # fmt: skip
     margin: Length = param(
         "Distance from the fence.", default=0.3, at_least=0.0, tightens="up", room="across"
     )

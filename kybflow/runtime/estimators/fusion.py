@@ -37,6 +37,7 @@ for 0.1 s; motion over such a gap is unknown (standard deviations 3 m/s^2, 1 rad
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import sqrt
 from typing import TYPE_CHECKING
 
 from kybflow.core.geometry import ZERO, Vec3
@@ -90,6 +91,10 @@ class Fusion(Estimator[FusionParams]):
     @classmethod
     def uses(cls, params: FusionParams) -> frozenset[MeasurementKind]:
         return frozenset({Imu, _KINDS[params.source]})
+
+    @classmethod
+    def least_spread(cls, params: FusionParams, error: float) -> float:
+        return sqrt(params.position_wander) * error if params.source == "position" else 0.0
 
     def update(self, measurements: Sequence[Measurement], now: Time) -> Estimate | None:
         for measurement in measurements:

@@ -19,7 +19,8 @@ vehicle (`_felt_force`), and how late poses are stamped (`_stamp_offset`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from math import inf
 
 from kybflow.core.geometry import ZERO, Vec3, add, distance, integrate, multiply, scale
 from kybflow.core.signals import NS, Estimate, Imu, Measurement, Pose, Time
@@ -34,7 +35,7 @@ from kybflow.flight.pose_gate import (
     seen_from,
 )
 from kybflow.flight.tracked_pose import NO_PUSH, TrackedParams, TrackedPose
-from kybflow.parts import Estimator, param, params
+from kybflow.parts import Estimator, Objection, param, params
 from kybflow.runtime.estimators._mocap_imu import FeltForce, ImuSums, StampOffset
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -73,6 +74,15 @@ class MocapParams(TrackedParams):
 
 class Mocap(Estimator[MocapParams]):
     needs = frozenset({Pose})
+
+    @classmethod
+    def objections(cls, params: MocapParams, context: VehicleContext) -> Iterator[Objection]:
+        gate = min(params.gate, params.widest_gate)
+        others = (start for name, start in context.starts.items() if name != context.vehicle)
+        near = min((distance(start, context.start) for start in others), default=inf)
+        if gate >= near >= context.airframe.diameter:
+            reason = f"lets the poses of another vehicle pass, which starts {near:.3g} m away"
+            yield Objection("gate", reason, "write `gate: 10 cm`", is_doubt=True)
 
     def __init__(self, params: MocapParams, context: VehicleContext) -> None:
         super().__init__(params, context)

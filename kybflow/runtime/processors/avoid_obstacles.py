@@ -54,6 +54,7 @@ class AvoidObstaclesParams:
 class AvoidObstacles(Processor[AvoidObstaclesParams]):
     accepts = ACCEPTS
     goes_round = True
+    evades = True
     own_events = (AvoidanceBlocked,)
 
     @classmethod

@@ -15,6 +15,7 @@ World frame, metres.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import inf
 from typing import ClassVar
 
@@ -26,7 +27,7 @@ from kybflow.flight.avoidance.clearance import walls
 from kybflow.flight.avoidance.surroundings import Hazard
 from kybflow.flight.governor import Follower, led, shortened
 from kybflow.flight.motion import Motion, motion_of
-from kybflow.parts import Processor, param, params
+from kybflow.parts import Objection, Processor, param, params
 from kybflow.world.shapes import Box
 from kybflow.world.vehicle_context import VehicleContext
 
@@ -64,6 +65,15 @@ class FenceProcessor(Processor[FenceProcessorParams]):
         self._passed: Setpoint | None = None
         self._passed_at: Time = 0
         self._strongest = strongest_of(context.airframe)
+
+    @classmethod
+    def objections(
+        cls, params: FenceProcessorParams, context: VehicleContext
+    ) -> Iterator[Objection]:
+        fence, margin = context.fence, params.margin
+        if fence is not None and margin >= 0.5 * (least := min(fence.size)):
+            reason = f"leaves no room: a side of the fence is {least:.3g} m long"
+            yield Objection("margin", reason, "write `margin: 20 cm`", is_doubt=True)
 
     @classmethod
     def keeps_inside(cls, params: FenceProcessorParams, fence: Box) -> Box | None:

@@ -36,6 +36,7 @@ class LimitAccelerationParams:
 
 
 class LimitAcceleration(Processor[LimitAccelerationParams]):
+    slows = True
     accepts: ClassVar[dict[SetpointKind, SetpointKind]] = {
         SetpointKind.POSITION: SetpointKind.POSITION,
         SetpointKind.VELOCITY: SetpointKind.VELOCITY,

@@ -35,6 +35,7 @@ class LimitSpeedParams:
 
 
 class LimitSpeed(Processor[LimitSpeedParams]):
+    slows = True
     accepts: ClassVar[dict[SetpointKind, SetpointKind]] = {
         SetpointKind.POSITION: SetpointKind.POSITION,
         SetpointKind.VELOCITY: SetpointKind.VELOCITY,

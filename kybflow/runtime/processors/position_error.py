@@ -60,8 +60,8 @@ class PositionError(Processor[PositionErrorParams]):
         if limit < _USUAL_DEVIATION:
             reason = f"alarms at once: good tracking leaves {_USUAL_DEVIATION * 100:.0f} cm"
             yield Objection("limit", reason, "write `limit: 50 cm`", is_doubt=True)
-        if fence is not None and limit > norm(fence.size):
-            reason = f"never alarms: the fence is {norm(fence.size):.3g} m across"
+        if fence is not None and limit > 0.5 * min(fence.size[:2]):
+            reason = f"alarms beyond the walls: the fence is {min(fence.size[:2]):.3g} m wide"
             yield Objection("limit", reason, "write `limit: 50 cm`", is_doubt=True)
 
     def __init__(self, params: PositionErrorParams, context: VehicleContext) -> None:

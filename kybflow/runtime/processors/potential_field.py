@@ -108,6 +108,7 @@ class PotentialFieldParams:
 
 
 class PotentialField(Processor[PotentialFieldParams]):
+    evades = True
     accepts: ClassVar[dict[SetpointKind, SetpointKind]] = {
         SetpointKind.POSITION: SetpointKind.POSITION,
         SetpointKind.VELOCITY: SetpointKind.VELOCITY,

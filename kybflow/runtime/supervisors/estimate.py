@@ -41,6 +41,11 @@ class EstimateSupervisor(Supervisor[EstimateSupervisorParams]):
     events = ("estimate_lost",)
 
     @classmethod
+    def estimate_bounds(cls, params: EstimateSupervisorParams) -> tuple[float, float] | None:
+        ends = Reaction[params.reaction.upper()] > Reaction.BRAKE
+        return (params.age, params.spread) if ends else None
+
+    @classmethod
     def objections(
         cls, params: EstimateSupervisorParams, context: VehicleContext
     ) -> Iterator[Objection]:
@@ -56,7 +61,7 @@ class EstimateSupervisor(Supervisor[EstimateSupervisorParams]):
         if p.spread < _MIN_SPREAD:
             reason = "alarms at once: no estimate is as certain"
             yield Objection("spread", reason, "write `spread: 30 cm`", p.reaction == "warn")
-        if context.fence is not None and p.spread > max(context.fence.size):
+        if context.fence is not None and p.spread > min(context.fence.size[:2]):
             reason = "never alarms: the fence is smaller"
             yield Objection("spread", reason, "write `spread: 30 cm`", is_doubt=True)
 

@@ -53,7 +53,7 @@ class Jump(Supervisor[JumpParams]):
         if p.at_least < _NOISE:
             reason = "mistakes the noise of motion capture for a jump"
             yield Objection("at_least", reason, "write `at_least: 10 cm`", is_doubt=True)
-        if context.fence is not None and p.at_least > max(context.fence.size):
+        if context.fence is not None and p.at_least > min(context.fence.size[:2]):
             reason = "never alarms: the fence is smaller"
             yield Objection("at_least", reason, "write `at_least: 10 cm`", is_doubt=True)
         if p.factor > _MAX_FACTOR:

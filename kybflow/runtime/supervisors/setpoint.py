@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kybflow.core.geometry import ZERO, add, distance, norm, scale
+from kybflow.core.geometry import ZERO, add, distance, scale
 from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Setpoint, Tick, Time
 from kybflow.core.units import Length
 from kybflow.parts import Objection, Supervisor, param, params
@@ -50,8 +50,8 @@ class SetpointSupervisor(Supervisor[SetpointSupervisorParams]):
             if bound < _USUAL_DEVIATION:
                 reason = f"alarms at once: good tracking leaves {_USUAL_DEVIATION * 100:.0f} cm"
                 yield Objection(name, reason, f"write `{name}: {usual}`", is_doubt=True)
-            if fence is not None and bound > norm(fence.size):
-                reason = f"never alarms: the fence is {norm(fence.size):.3g} m across"
+            if fence is not None and bound > min(fence.size[:2]):
+                reason = f"alarms beyond the walls: the fence is {min(fence.size[:2]):.3g} m wide"
                 yield Objection(name, reason, f"write `{name}: {usual}`", is_doubt=True)
 
     def __init__(self, params: SetpointSupervisorParams, context: VehicleContext) -> None:
