@@ -130,7 +130,9 @@ class Gamepad(Input[GamepadParams]):
             first = used.setdefault(source, axis)
             if first != axis and source != NONE:
                 reason = f"`{source}` would move both `{first}` and `{axis}`"
-                return Objection(axis, reason, f"name another source, or `{NONE}`")
+                is_usual = getattr(params, axis) == getattr(GamepadParams(), axis)
+                wrong = first if is_usual else axis  # the one that the mission changes
+                return Objection(wrong, reason, f"name another source, or `{NONE}`")
         return None
 
     @classmethod

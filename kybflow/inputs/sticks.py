@@ -31,6 +31,8 @@ class SticksInputParams:
 
 
 class SticksInput(Input[SticksInputParams]):
+    reported_as = Sticks
+
     @classmethod
     def real_time(cls, params: SticksInputParams) -> bool:
         return False

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import ClassVar
 
 from kybflow.core.geometry import Vec3
-from kybflow.core.signals import InputReading, Sticks, Time
+from kybflow.core.signals import InputReading, MeasurementKind, Sticks, Time
 from kybflow.parts.base import Objection, P, Part
 
 AXES = ("x", "y", "z", "turn")
@@ -51,12 +51,15 @@ class Input(Part[P]):
     stuck_after: seconds after which an axis away from its centre counts as stuck if it repeats one
     value, unless the mission sets another time; None for a device whose axes have steps.
     reads_terminal: whether it reads the keys of the terminal, which nothing else may then read.
+    reported_as: the measurement with which the vehicle of its parameter `vehicle` reports it; None
+    for a device of this computer.
     """
 
     kind = "inputs"
     helpers = frozenset({"deflection", "haptics", "rows", "sdl"})
     stuck_after: ClassVar[float | None] = 10.0
     reads_terminal: ClassVar[bool] = False
+    reported_as: ClassVar[MeasurementKind | None] = None
 
     @classmethod
     def real_time(cls, params: P) -> bool:

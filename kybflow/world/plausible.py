@@ -59,6 +59,9 @@ _WEAK, _MAX_RATIO = 1.5, 15.0
 """Thrust to weight: less than the smallest reference, because an airframe with 1.3 has too little
 left for control when its battery sags; and 1.5 times the largest."""
 _ENDURANCE = Range(0.0, 30.0, 7200.0, 86400.0)
+_BUMPER = Range(0.67, 0.9, 2.0, 5.0)
+"""Radius of a bumper over that of the rotors' tips: 0.96 for the AR.Drone's hull. The hubs are at
+0.67."""
 _DENSITY = Range(0.0, 2.0, 12000.0, 23000.0)
 """Density of a payload, kg/m^3. Lead has 11,300; osmium, the densest metal, has 22,600."""
 
@@ -100,6 +103,12 @@ def of_airframe(airframe: Airframe) -> Iterator[Implausible]:
         found = f"a thrust of {lifts:.3g} times its weight, which leaves too little for control"
         yield Implausible(("thrust", "mass"), found, f"{_WEAK:g} times at least", False)
     yield from _unusual("endurance", airframe.endurance, _ENDURANCE, DURATION)
+    bumper, hull = airframe.bumper, airframe.hull
+    if bumper is not None and not _BUMPER.has(bumper / hull, False):
+        found = f"a bumper of {format_quantity(bumper, LENGTH)} around rotors that reach"
+        found += f" {hull:.2g} m from its centre"
+        usual = f"{_BUMPER.low * hull:.2g} to {_BUMPER.high * hull:.2g} m"
+        yield Implausible(("bumper",), found, usual, not _BUMPER.has(bumper / hull, True))
 
 
 def _unusual(name: str, value: float, usual: Range, dimension: Dimension) -> Iterator[Implausible]:

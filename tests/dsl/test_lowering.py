@@ -147,7 +147,7 @@ on:
   - {event: any.estimator_changed, estimator: mocap, do: [{log: "{vehicle}: it's on {estimator}"}]}
   - {event: both.landed, when: a in landed, do: [{switch: {b: down}}, {stop: "enough, really"}]}
   - {event: a.took_off, do: [{set: {both.tracker.tilt: 10 deg}}]}
-  - {event: a.took_off, do: [{disable: a.processors.limit_speed}]}
+  - {event: operator.fast, do: [{disable: a.processors.limit_speed}]}
 """
     first = checked(tmp_path, on).plan
     assert first is not None

@@ -176,10 +176,22 @@ def beyond_the_time_limit(case: Case) -> Iterator[Diagnostic]:
     """KYB432: a vehicle can't have landed for good within the mission's time limit, whatever events
     and conditions occur: the run lands it early and fails.
 
-    A run ends after `time_limit`, 600 s by default.
+    A run ends after `time_limit`, 600 s by default. A vehicle that takes off again after every
+    landing never lands for good.
     """
     limit = case.plan.time_limit
     for vehicle in case.cached(_left_alone):
+        again = _takes_off_again(case, vehicle)
+        if again is not None:
+            yield Diagnostic(
+                "KYB432",
+                f"`{vehicle.name}` takes off again after every landing",
+                again.target_span,
+                label="the mission never ends",
+                notes=(f"its `time_limit` is {seconds_of(limit)}",),
+                help="leave a landing without a `then`, or let a `next` end the cycle",
+            )
+            continue
         way = _way_to_rest(case, vehicle, limit)
         if way is None:
             continue
@@ -195,6 +207,28 @@ def beyond_the_time_limit(case: Case) -> Iterator[Diagnostic]:
             help="shorten the flight, or write a longer `time_limit`",
             related=the_time_limit(case),
         )
+
+
+def _takes_off_again(case: Case, vehicle: VehiclePlan) -> TransitionPlan | None:
+    """Return the `then` of a landing that leads to the next take-off, if the vehicle comes to rest
+    nowhere and nothing stops the run."""
+    states = vehicle.states
+    thens = (t for s in states.values() if (AIR, GROUND) in s.legs for t in s.transitions)
+    again = next(
+        (t for t in thens if t.cause == "then" and t.target in states and not t.since), None
+    )
+    if again is None or (GROUND, AIR) not in states[again.target].legs:
+        return None
+    if any(action.name == "stop" for one in case.plan.callbacks for action in one.do):
+        return None
+    endless = endless_states(vehicle)
+    for node in ways_from(case, vehicle, [_first(vehicle)]):
+        state = states.get(node.state)
+        if node.flight is GROUND and (
+            state is None or not state.transitions or node.state in endless
+        ):
+            return None
+    return again
 
 
 def longer_than_its_patience(case: Case) -> Iterator[Diagnostic]:

@@ -1,4 +1,5 @@
-"""Inputs and the vehicles that they steer: KYB401 to KYB407 and KYB447."""
+"""Inputs and the vehicles that they steer: KYB401 to KYB407, KYB409 and
+KYB447."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from kybflow.core.params import named_in
+from kybflow.core.signals import kind_name
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION
 from kybflow.dsl.checks.case import WORDS, Case, taken_names, transitions_of
@@ -143,6 +145,27 @@ def not_as_told(case: Case) -> Iterator[Diagnostic]:
             severity = Severity.WARNING if objection.is_doubt else Severity.ERROR
             yield Diagnostic(
                 "KYB407", objection.reason, span, help=objection.hint, severity=severity
+            )
+
+
+def reported_by_nobody(case: Case) -> Iterator[Diagnostic]:
+    """KYB409: an input comes from a vehicle whose driver doesn't report it. An input of the whole
+    mission is only checked if the mission has no `targets`, because another driver may report
+    it."""
+    for use in case.plan.inputs:
+        kind = use.part.cls.reported_as
+        vehicle = case.plan.fleet.get(use.part.params.vehicle) if kind is not None else None
+        if kind is None or vehicle is None or kind in vehicle.driver.cls.provides:
+            continue
+        targets = case.plan.entry("targets")
+        own = None if targets is None else entries_of(targets.value).get(case.plan.target)
+        if targets is None or (own is not None and use.part.span.is_in(own.value.span)):
+            yield Diagnostic(
+                "KYB409",
+                f"`{vehicle.name}` doesn't report `{use.name}`",
+                use.part.span,
+                label=f"its driver `{vehicle.driver.name}` gives no {kind_name(kind)}",
+                help="use another input, such as `gamepad`",
             )
 
 

@@ -282,8 +282,9 @@ def implausible(case: Case) -> Iterator[Diagnostic]:
     """KYB420: the numbers of an airframe or a payload can't be right for a quadrotor, such as a
     diameter in millimetres or rotors that take seconds to respond.
 
-    For an airframe, this checks disc loading, radius of gyration, torque ratio and rotor time; for
-    a payload, its size below the airframe and its density (`kybflow.world.plausible`).
+    For an airframe, this checks disc loading, radius of gyration, torque ratio, rotor time and
+    bumper; for a payload, its size below the airframe and its density
+    (`kybflow.world.plausible`).
     """
     for doubt in case.cached(_implausible):
         if doubt.found.is_certain:

@@ -1,23 +1,36 @@
 """Objects of the world: their joints, where they are, and the simulators that move them: KYB580 to
-KYB584."""
+KYB586."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
+from kybflow.core.geometry import Vec3
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import ANGLE, LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case, taken_names
-from kybflow.dsl.checks.obstacles import room_needed
-from kybflow.dsl.diagnostics import Diagnostic
+from kybflow.dsl.checks.obstacles import is_vertical, nearest, path_of, room_needed
+from kybflow.dsl.checks.space import aim_of, footprints, shown_point, values_of
+from kybflow.dsl.diagnostics import Diagnostic, Severity
 from kybflow.dsl.world import ObjectParams
-from kybflow.world.objects import TurnJoint, corners, distance_to, placements
+from kybflow.world.objects import (
+    Placement,
+    TurnJoint,
+    WorldObject,
+    corners,
+    distance_to,
+    placements,
+)
 from kybflow.world.vehicle_context import LEGS
 
 LEAST_PHYSICS = 500.0
 """Rate of the physics below which contacts are wrong, Hz: at 250 Hz a pushed bar ended 26 cm
 off."""
 _DEPTH = 1e-6
+_DROP = 0.15
+"""How far an object may fall at the start, m: heights are estimated, and the floor is not at
+zero."""
 
 
 def stands_on_nothing(case: Case) -> Iterator[Diagnostic]:
@@ -107,12 +120,8 @@ def nothing_moves_it(case: Case) -> Iterator[Diagnostic]:
 
 def overlaps_at_the_start(case: Case) -> Iterator[Diagnostic]:
     """KYB584: an object is in the floor, or in a vehicle, when the mission begins."""
-    plan = case.plan
-    if any(True for check in (stands_on_nothing, moves_nowhere) for _ in check(case)):
-        return
-    places = placements(plan.objects, {})
-    for one in plan.world.objects:
-        made, place = plan.objects[one.name], places[one.name]
+    plan, solids = case.plan, case.cached(_solids)
+    for one, (made, place) in zip(plan.world.objects, solids, strict=False):
         lowest = min(corner[2] for corner in corners(made, place))
         if lowest < -LEGS - _DEPTH:
             message = f"`{one.name}` is in the floor, by {format_quantity(-LEGS - lowest, LENGTH)}"
@@ -128,3 +137,72 @@ def overlaps_at_the_start(case: Case) -> Iterator[Diagnostic]:
                 where, label = vehicle.span_of("start", "at"), room_needed(vehicle, room)
                 hint = "move the start further away"
                 yield Diagnostic("KYB584", message, where, label=label, help=hint)
+
+
+class _Solid(NamedTuple):
+    """An object where the mission declares it."""
+
+    made: WorldObject
+    place: Placement
+
+    def distance(self, p: Vec3) -> float:
+        return distance_to(self.made, self.place, p)
+
+
+def _solids(case: Case) -> Iterator[_Solid]:
+    """Yield the objects of the world; none if their places or their joints make no sense."""
+    plan = case.plan
+    wrong = (stands_on_nothing, moves_nowhere) if plan.objects else ()
+    if any(True for check in wrong for _ in check(case)):
+        return
+    places = placements(plan.objects, {}) if plan.objects else {}
+    yield from (_Solid(plan.objects[one.name], places[one.name]) for one in plan.world.objects)
+
+
+def flies_into_an_object(case: Case) -> Iterator[Diagnostic]:
+    """KYB585: a behavior flies a vehicle without a bumper into an object that stays where the
+    mission declares it (a warning). No processor keeps away from objects."""
+    solids = case.cached(_solids)
+    for vehicle, state, entry, footprint in case.cached(footprints) if solids else ():
+        path, arm = path_of(footprint), vehicle.airframe.arm - _DEPTH
+        for solid in solids if vehicle.airframe.bumper is None else ():
+            room, point = nearest(path, solid, arm)
+            if room >= arm or (entry is not None and solid.distance(entry) < arm):
+                continue
+            if is_vertical(state) and room > 0.0:
+                continue  # it may stand on the object
+            name = solid.made.name
+            yield Diagnostic(
+                "KYB585",
+                f"`{state.name}` ({state.behavior.name}) flies into the object `{name}`",
+                aim_of(state, footprint),
+                label=f"at {shown_point(point)}, {room_needed(vehicle, room)}",
+                help=f"fly around `{name}`, or give the airframe a `bumper` if it is to push it",
+                severity=Severity.WARNING,
+                related=values_of(state.behavior),
+            )
+            break
+
+
+def hangs_in_the_air(case: Case) -> Iterator[Diagnostic]:
+    """KYB586: an object that is free to fall has nothing below it when the mission begins (a
+    warning)."""
+    solids = case.cached(_solids)
+    for one, solid in zip(case.plan.world.objects, solids, strict=False):
+        if not solid.made.is_free:
+            continue
+        points = [*corners(*solid), solid.place.position]
+        lowest = min(z for _, _, z in points)
+        below = {(x, y, lowest - share * _DROP) for x, y, _ in points for share in (0.0, 1.0)}
+        others = [*case.plan.obstacles.values(), *(other for other in solids if other != solid)]
+        if lowest + LEGS <= _DROP or any(s.distance(p) <= _DEPTH for s in others for p in below):
+            continue
+        yield Diagnostic(
+            "KYB586",
+            f"`{one.name}` hangs in the air",
+            one.span_of("at"),
+            label=f"it falls when the mission begins, {format_quantity(lowest + LEGS, LENGTH)}"
+            " above the floor",
+            help="put it on the floor or on an obstacle, or give it a joint",
+            severity=Severity.WARNING,
+        )

@@ -22,7 +22,7 @@ from kybflow.dsl.checks.reachability import (
     flight_graph,
 )
 from kybflow.dsl.checks.transitions import reached_states
-from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.diagnostics import Diagnostic, Related, Severity
 from kybflow.dsl.expressions import Compare, Quantity, Read
 from kybflow.dsl.plan import TransitionPlan, VehiclePlan
 from kybflow.parts import AIR, GROUND
@@ -53,6 +53,7 @@ def never_lands(case: Case) -> Iterator[Diagnostic]:
                 label="no transitions lead to the ground",
                 notes=(_told_path(vehicle, flights, path),),
                 help=_way_out(path),
+                related=_round(vehicle, path),
             )
 
 
@@ -198,6 +199,12 @@ def _along(name: str, ahead: dict[str, str], endless: AbstractSet[str]) -> list[
             break
         passed.add(path[-1])
     return path
+
+
+def _round(vehicle: VehiclePlan, path: list[str]) -> tuple[Related, ...]:
+    """Return the source locations of the states of a cycle, without the first of the path."""
+    cycle = path[path.index(path[-1]) : -1]
+    return tuple(Related(vehicle.states[n].span, f"`{n}`") for n in cycle if n != path[0])
 
 
 def _told_path(vehicle: VehiclePlan, flights: FlightGraph, path: list[str]) -> str:

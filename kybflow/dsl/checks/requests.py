@@ -1,10 +1,11 @@
 """Checks for requests of callbacks that can't be met when they come, or that defeat their purpose:
-KYB450 to KYB452."""
+KYB450 to KYB452 and KYB555."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.events import LANDED, known_events
 from kybflow.dsl.checks.reachability import PHRASES
@@ -78,6 +79,45 @@ def stopped_at_the_beginning(case: Case) -> Iterator[Diagnostic]:
                 help="stop at a later event, or add a `when`",
                 severity=Severity.WARNING,
             )
+
+
+def switched_in_vain(case: Case) -> Iterator[Diagnostic]:
+    """KYB555: a callback switches a processor on that nothing switches off, or switches one off as
+    soon as the vehicle flies, and nothing switches it on (a warning)."""
+    on, off = ({*_processors(case, name)} for name in ("enable", "disable"))
+    for callback in case.plan.callbacks if on or off else ():
+        is_at_once = callback.when is None and not callback.fields
+        for action in callback.do:
+            if action.name == "enable" and off.isdisjoint(_named(case, action)):
+                what, hint = "is never off", "remove this, or add the `disable` that it undoes"
+            elif (
+                action.name == "disable"
+                and is_at_once
+                and _bare(callback) in _BEFORE_ALL
+                and on.isdisjoint(_named(case, action))
+            ):
+                what, hint = "is off for the whole flight", "remove it from `processors` instead"
+            else:
+                continue
+            name = action.value_text
+            yield Diagnostic(
+                "KYB555",
+                f"`{name.text}` {what}",
+                name.span,
+                help=hint,
+                severity=Severity.WARNING,
+            )
+
+
+def _processors(case: Case, action: str) -> Iterator[tuple[str, str]]:
+    for one in actions_of(case, action):
+        yield from _named(case, one)
+
+
+def _named(case: Case, action: ActionKeys) -> Iterator[tuple[str, str]]:
+    """Yield (vehicle, processor) for each processor that an `enable` or a `disable` names."""
+    who, _, label = action.value_text.text.partition(".")
+    yield from ((vehicle, label) for vehicle in case.plan.members(who))
 
 
 def _switched(case: Case) -> Iterator[tuple[CallbackPlan, ActionKeys, VehiclePlan]]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from kybflow.dsl.checks.case import TARGETS, WORDS, Case, no_state, part_of, wrong_goal
 from kybflow.dsl.checks.flows import all_known, phases
 from kybflow.dsl.checks.reachability import PHRASES, FlightEdge, endless_states, flight_graph
-from kybflow.dsl.diagnostics import Diagnostic, Span, Text
+from kybflow.dsl.diagnostics import Diagnostic, Related, Span, Text
 from kybflow.dsl.expanding.flows import GROUNDED
 from kybflow.dsl.expressions import Condition
 from kybflow.dsl.expressions.reasoning import implies
@@ -124,6 +124,8 @@ def unreachable_states(case: Case) -> Iterator[Diagnostic]:
                 continue
             led_to |= reached_states(vehicle, (state.name,))
             name, span = _unreached(vehicle, state, reached)
+            is_own = vehicle.is_written("begin")
+            begins = (Related(vehicle.key_span("begin"), "the first state"),) if is_own else ()
             if vehicle.goal(name) != state.name:
                 continue  # reported for the chain's first state
             yield Diagnostic(
@@ -133,6 +135,7 @@ def unreachable_states(case: Case) -> Iterator[Diagnostic]:
                 label="no transition leads here",
                 notes=tuple(_open_ends(vehicle, reached)),
                 help=_way_in(case, vehicle, name),
+                related=begins,
             )
 
 

@@ -312,6 +312,9 @@ class Decoder:
             if is_first == is_second:
                 note = f"first at {first.span.at}"
                 hint = "give one of them a name of its own with `as: NAME`"
+                if not is_first:
+                    note = f"two stacks of {entry.value.span.at} have it"
+                    hint = "leave out one of the stacks"
             message = f"`{part.alias}` is in this list twice"
             self.found.report("KYB142", message, own.span, notes=(note,), help=hint)
         return tuple(uses)
