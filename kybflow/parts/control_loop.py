@@ -4,7 +4,7 @@ and the supervisors that watch it."""
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from kybflow.core.events import Emitting
@@ -209,10 +209,10 @@ class Supervisor(Part[P]):
         return 0.0
 
     @classmethod
-    def estimate_bounds(cls, params: P) -> tuple[float, float] | None:
-        """Return the age (s) and the spread (m) of an estimate above which it ends a flight; None
-        if it watches neither, or doesn't end the flight."""
-        return None
+    def ends_outside(cls, params: P) -> Mapping[str, tuple[float, float]]:
+        """Return the ranges of observables outside which it ends a flight, by name; empty if it
+        watches none, or only warns or brakes."""
+        return {}
 
     @classmethod
     def can_emit(cls, context: VehicleContext) -> tuple[str, ...]:

@@ -178,6 +178,11 @@ class Driver(Part[P]):
         return None
 
     @classmethod
+    def pose_error(cls, params: P) -> float:
+        """Return the standard deviation of a pose's position along each axis, m; 0 if unknown."""
+        return 0.0
+
+    @classmethod
     def air(cls, params: P) -> Air:
         """Return the disturbances of the simulated lab; those of a real one are unknown."""
         return Air()

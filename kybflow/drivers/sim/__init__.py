@@ -250,5 +250,9 @@ class Sim(Driver[SimParams]):
         return MeasuredPositions(p.position_latency, 1.0 / p.position_rate, error)
 
     @classmethod
+    def pose_error(cls, params: SimParams) -> float:
+        return params.mocap_position_noise
+
+    @classmethod
     def step_rate(cls, params: SimParams) -> float | None:
         return params.physics

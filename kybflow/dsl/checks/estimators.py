@@ -11,8 +11,15 @@ from kybflow.core.signals import Frame, Imu, Pose, Position
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION, LENGTH
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.checks.space import footprints, shown_point, the_cameras, the_loop
-from kybflow.dsl.diagnostics import Diagnostic, Related, Severity, Text
+from kybflow.dsl.checks.space import (
+    footprints,
+    shown_point,
+    the_cameras,
+    the_loop,
+    the_measurements,
+    the_part,
+)
+from kybflow.dsl.diagnostics import Diagnostic, Severity, Text
 from kybflow.dsl.expressions.reasoning import Bounds, never_holds
 from kybflow.dsl.expressions.tree import And, Compare, Condition, Quantity, Read, quantity
 from kybflow.dsl.plan import EstimatorPlan, PartPlan, VehiclePlan
@@ -90,6 +97,8 @@ def late_poses(case: Case) -> Iterator[LatePoses]:
 
 _HALVINGS = 20
 _ROUNDING = 1e-9
+_MIN_SPREAD = 1e-4
+"""A bound (m) below this, which no estimate meets, is reported as KYB410 or KYB416."""
 
 
 def latency_allowed(case: Case, vehicle: VehiclePlan) -> float | None:
@@ -103,8 +112,9 @@ def latency_allowed(case: Case, vehicle: VehiclePlan) -> float | None:
 
 def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
     """KYB419: an estimator's `healthy` allows a smaller age than its estimate reaches between two
-    measurements, so it is healthy only intermittently (a warning) or never (an error). If a latency
-    that the mission sets is the reason, that is reported.
+    measurements, so it is healthy only intermittently (a warning) or never (an error), or a smaller
+    spread than its measurements have. If a latency that the mission sets is the reason, that is
+    reported.
 
     That age is the measurement period plus the latency: for motion capture and positions as the
     driver declares them, for cameras the period of the slowest one. One measurement may be lost
@@ -120,11 +130,20 @@ def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
             notes=(f"its `healthy` is `{late.healthy.as_written}`",),
             help=f"write at most `{late.parameter}: {quantity(shown, DURATION)}`",
         )
-    for vehicle, use, (least, most) in case.cached(_measured):
+    for vehicle, use, (least, most), spread in case.cached(_measured):
         condition = case.condition(use, "healthy", case.scopes.health(vehicle.name))
         healthy, lost = use.text_of("healthy"), 2.0 * most - least
         if condition is None or healthy is None or latency_allowed(case, vehicle) is not None:
             continue
+        if _MIN_SPREAD <= _allowed(condition, "estimate.spread") < spread:
+            yield Diagnostic(
+                "KYB419",
+                f"`{use.part.alias}` is never healthy with `{healthy.as_written}`",
+                healthy.span,
+                label=f"the spread of its estimate is {_shown(spread)}",
+                help=f"allow more: `spread < {_shown(1.5 * spread)}`",
+                related=the_measurements(vehicle),
+            )
         if not never_holds(condition, _aged(lost, lost)) or never_holds(condition, _aged(0.0, inf)):
             continue
         is_never = never_holds(condition, _aged(least, most))
@@ -143,13 +162,31 @@ def older_than_healthy(case: Case) -> Iterator[Diagnostic]:
         )
 
 
-def _measured(case: Case) -> Iterator[tuple[VehiclePlan, EstimatorPlan, tuple[float, float]]]:
-    """Yield each estimator for which the ages of its estimates are known, with these."""
+class _Measured(NamedTuple):
+    """An estimator, the least and largest age of its estimates in a normal flight, s, and their
+    least spread, m."""
+
+    vehicle: VehiclePlan
+    use: EstimatorPlan
+    ages: tuple[float, float]
+    spread: float
+
+
+def _measured(case: Case) -> Iterator[_Measured]:
+    """Yield each estimator for which the ages of its estimates are known."""
     for vehicle in case.plan.vehicles:
+        driver = vehicle.driver
         for use in vehicle.estimators:
-            ages = _ages(vehicle, use)
-            if ages is not None:
-                yield vehicle, use, ages
+            ages, error = _ages(vehicle, use), 0.0
+            if ages is None:
+                continue
+            part = use.part
+            needs = part.cls.uses(part.params)
+            if Pose in needs:
+                error = driver.cls.pose_error(driver.params)
+            elif Position in needs and (positions := driver.cls.positions(driver.params)):
+                error = positions.error
+            yield _Measured(vehicle, use, ages, part.cls.least_spread(part.params, error))
 
 
 def _ages(vehicle: VehiclePlan, use: EstimatorPlan) -> tuple[float, float] | None:
@@ -171,9 +208,9 @@ def _watched(vehicle: VehiclePlan) -> Iterator[tuple[PartPlan, float, float]]:
     """Yield each supervisor that ends the flight when the estimate is lost: from which age (s) and
     spread (m) on."""
     for part in vehicle.supervisors:
-        bounds = part.cls.estimate_bounds(part.params)
-        if bounds is not None:
-            yield part, *bounds
+        ends = part.cls.ends_outside(part.params)
+        if _AGE in ends:
+            yield part, ends[_AGE][1], ends["estimate.spread"][1]
 
 
 def falls_back_too_late(case: Case) -> Iterator[Diagnostic]:
@@ -203,6 +240,10 @@ def falls_back_too_late(case: Case) -> Iterator[Diagnostic]:
                     )
 
 
+def _shown(spread: float) -> str:
+    return quantity(float(f"{spread:.2g}"), LENGTH)
+
+
 def _allowed(condition: Condition, name: str) -> float:
     """Return the largest value that a `healthy` allows; infinite if it has no such bound."""
     parts = condition.parts if isinstance(condition, And) else (condition,)
@@ -218,25 +259,22 @@ def lost_in_order(case: Case) -> Iterator[Diagnostic]:
     """KYB591: a supervisor ends the flight although all sensors work: its bound for the estimate is
     below the age or the spread that the measurements of the only estimator reach (an error), or
     reach when one of them is lost (a warning)."""
-    for vehicle, use, (least, most) in case.cached(_measured):
+    for vehicle, use, (least, most), spread in case.cached(_measured):
         others = [other for other in vehicle.estimators if other is not use]
         if not all(map(reckons, others)):
             continue
-        part, driver, lost = use.part, vehicle.driver, 2.0 * most - least
-        positions = driver.cls.positions(driver.params)
-        spread = part.cls.least_spread(part.params, 0.0 if positions is None else positions.error)
+        part, lost = use.part, 2.0 * most - least
         for watching, oldest, widest in _watched(vehicle):
             is_bridged = oldest >= most and bool(others)
-            if widest >= spread and (oldest >= lost - _ROUNDING or oldest <= least or is_bridged):
-                continue  # a bound below the latency is reported as KYB416
+            is_sharp = _MIN_SPREAD <= widest < spread
+            if not is_sharp and (oldest >= lost - _ROUNDING or oldest <= least or is_bridged):
+                continue  # a bound that no estimate meets is reported as KYB416
             name, value = "age", quantity(most, DURATION)
-            if widest < spread:
-                name, value = "spread", quantity(round(spread, 2), LENGTH)
+            if is_sharp:
+                name, value = "spread", _shown(spread)
             elif oldest >= most:
                 value = f"{quantity(lost, DURATION)} after one lost measurement"
-            causes = list(the_loop(vehicle))
-            if watching.span != vehicle.span:  # not one that every vehicle has
-                causes.append(Related(watching.span, f"`{watching.alias}`"))
+            causes = (*the_measurements(vehicle), *the_part(vehicle, watching))
             own = [cause.span for cause in causes if cause.span.file == vehicle.span.file]
             span = part.span if part.span.file == vehicle.span.file else [*own, part.span][0]
             yield Diagnostic(

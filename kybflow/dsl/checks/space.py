@@ -3,9 +3,10 @@ KYB320 to KYB322 and KYB372."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import hypot
+from typing import Any
 
 from kybflow.core.geometry import ZERO, Vec3, distance
 from kybflow.core.units import LENGTH, format_quantity
@@ -225,8 +226,9 @@ def the_cameras(vehicle: VehiclePlan) -> tuple[Related, ...]:
 
 
 def the_part(vehicle: VehiclePlan, part: PartPlan) -> tuple[Related, ...]:
-    """Return the source location of a part, if the mission itself lists it."""
-    is_own = part.span.file == vehicle.span.file
+    """Return the source location of a part, if the mission itself lists it. A part that every
+    vehicle has is where the vehicle is."""
+    is_own = part.span.file == vehicle.span.file and part.span != vehicle.span
     return (Related(part.span, f"`{part.alias}`"),) if is_own else ()
 
 
@@ -234,12 +236,23 @@ def the_loop(vehicle: VehiclePlan) -> tuple[Related, ...]:
     """Return the source locations of the parameters with which the mission changes the driver's
     on-board loop, or the rate or the latency of its poses."""
     driver, frame = vehicle.driver, vehicle.airframe
-    inner = driver.cls.inner_loop(driver.params, frame)
-    changed = []
+    return _changes(driver, lambda params: driver.cls.inner_loop(params, frame))
+
+
+def the_measurements(vehicle: VehiclePlan) -> tuple[Related, ...]:
+    """Return those of `the_loop`, and of the errors of poses and of positions."""
+    cls, own = vehicle.driver.cls, vehicle.driver
+    more = _changes(own, lambda params: (cls.pose_error(params), cls.positions(params)))
+    return (*the_loop(vehicle), *more)
+
+
+def _changes(driver: PartPlan, of: Callable[[Any], object]) -> tuple[Related, ...]:
+    """Return the source locations of the parameters that change what `of` returns for them."""
+    own, changed = of(driver.params), []
     for field in driver.fields:
         if driver.is_written(field.key) and not field.required:
             usual = replace(driver.params, **{field.name: field.default})
-            if driver.cls.inner_loop(usual, frame) != inner:
+            if of(usual) != own:
                 changed.append(Related(driver.span_of(field.key), f"the driver's `{field.key}`"))
     return tuple(changed)
 

@@ -1,9 +1,10 @@
 """Supervision: bounds that are crossed at once or never (KYB416 and KYB417), alarms that nothing
-reacts to (KYB446), and rotors that stop in the air (KYB418)."""
+reacts to (KYB446), rotors that stop in the air (KYB418), and reactions that come too late
+(KYB593)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import sqrt
 from typing import Any, NamedTuple
@@ -12,11 +13,15 @@ from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import Reaction
 from kybflow.core.units import LENGTH, SPEED, format_quantity
 from kybflow.dsl.checks.case import Case, contexts, transitions_of
+from kybflow.dsl.checks.conditions import conditions_of
+from kybflow.dsl.checks.envelopes import reaches_of
 from kybflow.dsl.checks.estimators import latency_allowed
-from kybflow.dsl.checks.space import footprints, the_loop
-from kybflow.dsl.diagnostics import Diagnostic, Related, Severity
-from kybflow.dsl.plan import PartPlan, VehiclePlan
-from kybflow.parts import Objection
+from kybflow.dsl.checks.space import footprints, the_loop, the_part
+from kybflow.dsl.diagnostics import Diagnostic, Related, Severity, Text
+from kybflow.dsl.expressions.reasoning import Bounds, never_holds
+from kybflow.dsl.expressions.tree import Read
+from kybflow.dsl.plan import PartPlan, TransitionPlan, VehiclePlan
+from kybflow.parts import GROUND, Objection
 from kybflow.world.vehicle_context import InnerLoop
 
 
@@ -140,6 +145,64 @@ def _usual(part: PartPlan) -> Any:
     """Return the part's parameters with the default reaction, if it has one."""
     usual = {f.name: f.default for f in part.fields if f.name == "reaction"}
     return replace(part.params, **usual)
+
+
+_JUST = 1.02
+"""How far a value passes a bound before an alarm comes, as a factor."""
+
+
+def too_late_to_react(case: Case) -> Iterator[Diagnostic]:
+    """KYB593: a transition in the air waits for a charge, a tilt, or an age or a spread of the
+    estimate at which a supervisor has ended the flight (a warning)."""
+    owners = {typed.own for typed in case.cached(conditions_of)}
+    for vehicle in case.plan.vehicles:
+        ends = {
+            name: (part, low / _JUST, high * _JUST)
+            for part in (vehicle.supervisors if vehicle.name in owners else ())
+            for name, (low, high) in part.cls.ends_outside(part.params).items()
+        }
+        for transition, text in _asked_in_the_air(vehicle) if ends else ():
+            name = next((name for name in ends if name in text.text), "")
+            scope = case.scopes.condition(vehicle.name) if name else None
+            condition = case.condition(transition, "when", scope) if scope else None
+            if condition is None:
+                continue
+            part, usual = ends[name][0], reaches_of(case)(vehicle.name).usual
+            known = {name: (low, high) for name, (_, low, high) in ends.items()}
+            is_late = never_holds(condition, _limited(vehicle.name, known, usual))
+            if is_late and not never_holds(condition, usual):  # else KYB253 or KYB410
+                yield Diagnostic(
+                    "KYB593",
+                    f"`{text.as_written}` comes after `{part.alias}` has ended the flight",
+                    text.span,
+                    label="this transition is never taken",
+                    help=f"react earlier, or let `{part.alias}` react later",
+                    severity=Severity.WARNING,
+                    related=the_part(vehicle, part),
+                )
+
+
+def _asked_in_the_air(vehicle: VehiclePlan) -> Iterator[tuple[TransitionPlan, Text]]:
+    """Yield the transitions with a condition out of states in the air, one of each condition."""
+    asked = set[str]()
+    for state in vehicle.states.values():
+        for transition in () if any(GROUND in leg for leg in state.legs) else state.transitions:
+            text = transition.text_of("when")
+            if text is not None and text.text not in asked:
+                asked.add(text.text)
+                yield transition, text
+
+
+def _limited(own: str, known: Mapping[str, tuple[float, float]], usual: Bounds) -> Bounds:
+    """Return bounds that limit the values of a vehicle in `known`."""
+
+    def bounds(value: object) -> tuple[float, float]:
+        match value:
+            case Read(who, name) if who in (None, own) and name in known:
+                return known[name]
+        return usual(value)
+
+    return bounds
 
 
 def falls(case: Case) -> Iterator[Diagnostic]:

@@ -76,6 +76,10 @@ class Mocap(Estimator[MocapParams]):
     needs = frozenset({Pose})
 
     @classmethod
+    def least_spread(cls, params: MocapParams, error: float) -> float:
+        return error
+
+    @classmethod
     def objections(cls, params: MocapParams, context: VehicleContext) -> Iterator[Objection]:
         gate = min(params.gate, params.widest_gate)
         others = (start for name, start in context.starts.items() if name != context.vehicle)

@@ -17,7 +17,7 @@ event of the landing. The value of `battery_low` is the charge left, 0 to 1.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from kybflow.core.signals import NS, Alarm, BatteryWarning, Reaction, ReactionName, Tick
 from kybflow.core.units import Duration, Ratio
@@ -61,6 +61,11 @@ class BatterySupervisor(Supervisor[BatterySupervisorParams]):
     always = True
     unhurried = True
     events = ("battery_low", "battery_lost")
+
+    @classmethod
+    def ends_outside(cls, params: BatterySupervisorParams) -> Mapping[str, tuple[float, float]]:
+        ends = Reaction[params.reaction.upper()] > Reaction.BRAKE
+        return {"battery.remaining": (params.land_below, 1.0)} if ends else {}
 
     @classmethod
     def objections(

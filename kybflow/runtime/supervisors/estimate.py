@@ -11,7 +11,7 @@ returned in every tick; the failsafe makes one event of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from kybflow.core.signals import NS, Alarm, Reaction, ReactionName, Tick, Time
 from kybflow.core.units import DURATION, Duration, Length, format_quantity
@@ -41,9 +41,10 @@ class EstimateSupervisor(Supervisor[EstimateSupervisorParams]):
     events = ("estimate_lost",)
 
     @classmethod
-    def estimate_bounds(cls, params: EstimateSupervisorParams) -> tuple[float, float] | None:
+    def ends_outside(cls, params: EstimateSupervisorParams) -> Mapping[str, tuple[float, float]]:
         ends = Reaction[params.reaction.upper()] > Reaction.BRAKE
-        return (params.age, params.spread) if ends else None
+        bounds = {"estimate.age": (0.0, params.age), "estimate.spread": (0.0, params.spread)}
+        return bounds if ends else {}
 
     @classmethod
     def objections(

@@ -10,7 +10,7 @@ The default reaction is `land_blind`, which commands a level attitude and nothin
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from math import degrees, pi
 
 from kybflow.core.geometry import tilt_of
@@ -37,6 +37,11 @@ class TiltSupervisor(Supervisor[TiltSupervisorParams]):
     always = True
     unhurried = True
     events = ("tilted",)
+
+    @classmethod
+    def ends_outside(cls, params: TiltSupervisorParams) -> Mapping[str, tuple[float, float]]:
+        ends = Reaction[params.reaction.upper()] > Reaction.BRAKE
+        return {"state.tilt": (0.0, params.limit)} if ends else {}
 
     @classmethod
     def objections(
