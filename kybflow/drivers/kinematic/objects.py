@@ -1,7 +1,8 @@
 """Ideal objects, which move as slowly as they are pushed: without mass, friction or contact forces.
 
-A vehicle whose setpoint `presses` against a surface in front of it moves the surface's object, and
-what that is on, at `PUSHED_SPEED`: along its slide, about its turn, or anywhere if it is free.
+A vehicle whose setpoint `presses` with a force against a surface in front of it moves the surface's
+object, and what that is on, at `PUSHED_SPEED`, whether one vehicle pushes or several: along its
+slide, about its turn, or anywhere if it is free.
 """
 
 from __future__ import annotations
@@ -61,6 +62,7 @@ class IdealObjects:
     def advance(self, pressing: Iterable[Pressing], dt: float) -> None:
         """Move what is pressed for `dt` seconds."""
         before, self._pressed = dict(self._q), set()
+        pushed: list[tuple[WorldObject, Face]] = []
         for context, position, direction in pressing:
             for one, surface, face in self._faces():
                 ahead, aside, above = face.before(position)
@@ -68,7 +70,9 @@ class IdealObjects:
                 beside = abs(aside) > 0.5 * face.width or abs(above) > 0.5 * face.height
                 if gap < _NEAR and not beside and dot(direction, face.outward) < -0.7:
                     self._pressed.add(Contact(context.vehicle, one.name, surface))
-                    self._push(one, face, dt)
+                    pushed.append((one, face))
+        for one, face in pushed:
+            self._push(one, face, dt / sum(other is one for other, _ in pushed))
         self._place(before, dt)
 
     def _faces(self) -> Iterator[tuple[WorldObject, str, Face]]:

@@ -19,6 +19,7 @@ from kybflow.core.geometry import (
     Vec3,
     add,
     distance,
+    dot,
     from_heading,
     from_thrust_direction,
     heading_of,
@@ -118,6 +119,8 @@ def _following(
     before = heading_of(state.attitude) if wanted.heading is None else wanted.heading
     facing = from_thrust_direction((ax, ay, az + GRAVITY), wrap(before + rate * dt))
     turn = (0.0, 0.0, rate)
+    if wanted.presses is not None:
+        ax = ay = 0.0  # what it presses against carries it
     start = wanted.position if kind is CommandKind.POSITION else state.position
     speed = state.velocity if kind is CommandKind.ACCELERATION else wanted.velocity
     target = _pushed(
@@ -214,10 +217,12 @@ class IdealVehicle(Link):
         self.on_touch = tell
 
     def pressing(self) -> Iterator[Pressing]:
-        """Yield where it presses, if it does."""
-        command = self._command
-        if command is not None and command.setpoint is not None and command.setpoint.presses:
-            yield self.context, self.state.position, command.setpoint.presses
+        """Yield where it presses with a force, if it does."""
+        wanted = self._command.setpoint if self._command is not None else None
+        if wanted is None or wanted.presses is None:
+            return
+        if dot(wanted.acceleration or ZERO, wanted.presses) > 0.0:
+            yield self.context, self.state.position, wanted.presses
 
     def move(self, now: Time, dt: float) -> None:
         """Follow the last command for `dt` seconds that end at `now`."""

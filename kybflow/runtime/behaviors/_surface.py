@@ -36,15 +36,15 @@ def objections(surface: str, context: VehicleContext) -> Iterator[Objection]:
     one = context.objects.get(name)
     if one is None or one.surface(label) is None:
         hint = did_you_mean(surface, known) if known else "declare one in `world.objects`"
-        yield Objection("surface", f"no surface is called `{surface}`", hint)
+        yield Objection("surface", f"names `{surface}`, and no surface is called so", hint)
     elif not one.moves:
-        reason = f"`{name}` is a part of `{one.on}`, and motion capture doesn't track it"
+        reason = f"is on `{name}`, a part of `{one.on}` that motion capture doesn't track"
         yield Objection("surface", reason, f"give the surface to `{one.on}`")
     elif abs(at_start(surface, context).outward[2]) > _LEVEL:
-        reason = f"`{surface}` faces up or down, and a vehicle pushes with its rim"
+        reason = "faces up or down, and a vehicle pushes with its rim"
         yield Objection("surface", reason, "choose a surface that faces aside")
     elif context.airframe.bumper is None:
-        reason = "the airframe has no `bumper` to touch it with"
+        reason = "can't be touched by an airframe without a `bumper`"
         yield Objection("surface", reason, "give the airframe a `bumper`, as `ardrone_hull` has")
 
 

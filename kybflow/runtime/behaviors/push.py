@@ -10,8 +10,9 @@ With 420 g, 5 degrees are 0.36 N. If the object moves at `speed`, the force has 
 that a free object isn't chased. The force rises within half a second.
 
 It is done when the object is at the stop of its joint towards which it is pushed. It no longer
-presses and fails within 0.2 s when contact is broken or the object isn't seen. Enter it in contact,
-after `approach_contact`; it also fails if contact isn't seen within a second. World frame, SI.
+presses and fails within 0.2 s when contact is broken or the object isn't seen, and after `patience`
+if the surface doesn't move. Enter it in contact, after `approach_contact`, whose touch peaks at
+about 0.7 N; it also fails if contact isn't seen within a second. World frame, SI.
 
 Sources: static contact by feed-forward of force on a vehicle with a fast attitude loop, "Static
 equilibrium of unidirectional-thrust multirotors in contact", arXiv 2306.12167.
@@ -22,9 +23,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import tan
 
-from kybflow.core.geometry import cross, dot, rotate, sub
+from kybflow.core.geometry import Vec3, cross, distance, dot, rotate, sub
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
-from kybflow.core.units import FORCE, Force, Speed, format_quantity
+from kybflow.core.units import FORCE, Duration, Force, Speed, format_quantity
 from kybflow.flight.contact import TouchSense
 from kybflow.parts import AIR, Behavior, Entry, Objection, param, params
 from kybflow.runtime.behaviors import _surface
@@ -34,6 +35,8 @@ from kybflow.world.vehicle_context import VehicleContext
 _RISE_S = 0.5
 _ENTRY_S = 1.0
 """The time in which contact must be seen after the entry, s."""
+_MOVED = 0.01
+"""How far a surface has moved that moves, m."""
 _AT_STOP, _AT_TURNED_STOP = 0.01, 0.02
 """How near a stop of a slide, m, and of a turn, rad, counts as there."""
 
@@ -45,6 +48,10 @@ class PushBehaviorParams:
     speed: Speed = param(
         "Speed of the object at which the vehicle no longer presses.", default=0.2, above=0.02
     )
+    patience: Duration = param(
+        "Time after which the behavior fails if the surface hasn't moved by 1 cm.",
+        default=20.0, above=1.0,
+    )  # fmt: skip
 
 
 class PushBehavior(Behavior[PushBehaviorParams], flight=AIR >> AIR, emits=SetpointKind.VELOCITY):
@@ -53,6 +60,8 @@ class PushBehavior(Behavior[PushBehaviorParams], flight=AIR >> AIR, emits=Setpoi
         self._context = entry.context
         self._touch = TouchSense(entry.context.airframe.bumper or 0.0)
         self._touched = False
+        self._place: Vec3 | None = None
+        self._moved = 0.0
 
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
         p, known = self.params, tick.known()
@@ -66,14 +75,20 @@ class PushBehavior(Behavior[PushBehaviorParams], flight=AIR >> AIR, emits=Setpoi
             gap = self._touch.gap(face, known.position)
             verb = "lost contact with" if self._touched else "doesn't touch"
             trouble = f"the vehicle {verb} `{p.surface}`, {gap:.3f} m away"
-        if trouble:
-            return Failed(rest, trouble)
+        if trouble or self._is_stuck(face, tick.elapsed):
+            return Failed(rest, trouble or f"`{p.surface}` has not moved for {p.patience:g} s")
         if self._at_stop(face, tick):
             return Done(rest)
         ahead = -dot(face.velocity, face.outward)
         left = min(1.0, max(0.0, 2.0 - 2.0 * ahead / p.speed))
         push = min(1.0, tick.elapsed / _RISE_S) * left * p.force / self._context.airframe.mass
         return _surface.facing(face, known.position, self._context, 0.0, push)
+
+    def _is_stuck(self, face: Face, elapsed: float) -> bool:
+        """Return whether the surface has not moved for `patience`."""
+        if self._place is None or distance(self._place, face.centre) > _MOVED:
+            self._place, self._moved = face.centre, elapsed
+        return elapsed - self._moved > self.params.patience
 
     def _at_stop(self, face: Face, tick: Tick) -> bool:
         """Return whether the object is at the stop towards which it is pushed."""
@@ -96,6 +111,6 @@ class PushBehavior(Behavior[PushBehaviorParams], flight=AIR >> AIR, emits=Setpoi
         frame = context.airframe
         most = frame.hover_thrust * tan(frame.tilt)
         if params.force > most:
-            given, bound = (format_quantity(f, FORCE) for f in (params.force, most))
-            reason = f"{given} are more than the {bound} of the largest tilt, m g tan(tilt)"
+            bound = format_quantity(most, FORCE)
+            reason = f"is more than the {bound} of the largest tilt, m g tan(tilt)"
             yield Objection("force", reason, f"write at most `force: {bound}`")

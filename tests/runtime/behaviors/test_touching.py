@@ -98,6 +98,18 @@ def test_it_fails_without_contact_and_without_an_object() -> None:
     assert failed.reason == "`block` has not been seen"
 
 
+def test_it_fails_if_what_it_pushes_does_not_move() -> None:
+    params = PushBehaviorParams(surface="block.back", patience=3.0)
+    behavior = PushBehavior(params, entry(IN_TOUCH, context=CONTEXT))
+    x, y, z = IN_TOUCH
+    outputs = []
+    for i in range(round(7.0 / DT)):
+        q = min(0.2, 0.05 * i * DT)  # it moves for four seconds
+        outputs.append(behavior.update(tick(i * DT, (x + q, y, z), q=q)))
+    [first, *_] = [i * DT for i, one in enumerate(outputs) if isinstance(one, Failed)]
+    assert first == pytest.approx(7.0, abs=0.25)
+
+
 def test_it_is_done_at_the_stop() -> None:
     x, y, z = IN_TOUCH
     done = pushing(q=0.9).update(tick(1.0, (x + 0.995, y, z), q=0.995))
@@ -115,7 +127,7 @@ def test_no_force_is_larger_than_the_tilt_allows() -> None:
 
 @pytest.mark.parametrize(
     ("surface", "reason"),
-    [("block.front", "no surface is called"), ("blok.back", "no surface"), ("block", "no surface")],
+    [("block.front", "no surface"), ("blok.back", "no surface"), ("block", "no surface")],
 )
 def test_a_surface_must_exist(surface: str, reason: str) -> None:
     [found] = LetGo.objections(LetGoParams(surface=surface), CONTEXT)
@@ -125,11 +137,11 @@ def test_a_surface_must_exist(surface: str, reason: str) -> None:
 
 def test_it_needs_a_bumper_and_an_object_that_moves() -> None:
     [found] = LetGo.objections(LetGoParams(surface="block.back"), SITE)
-    assert "no `bumper`" in found.reason
+    assert "without a `bumper`" in found.reason
     part = BLOCK._replace(name="plate", on="block", joint=None)
     context = CONTEXT._replace(objects={"block": BLOCK, "plate": part})
     [found] = LetGo.objections(LetGoParams(surface="plate.back"), context)
-    assert "is a part of `block`" in found.reason
+    assert "a part of `block`" in found.reason
 
 
 def test_it_approaches_slower_and_slower_until_it_touches() -> None:
