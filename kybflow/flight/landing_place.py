@@ -1,13 +1,15 @@
-"""Finds where a vehicle can descend without landing on another one or on the edge of an obstacle.
+"""Finds where a vehicle can descend without landing on another one, on the edge of an obstacle, or
+against an object.
 World frame, metres.
 
 A vehicle is under another if it is lower and their centres are horizontally closer than half the
 sum of their diameters plus 15 cm. An obstacle's edge is under a vehicle if, within half its
 diameter plus 15 cm, the heights on which the vehicle would stand differ by more than 10 cm; a table
-that carries all of that has no edge there, nor has the place of the vehicle's start. A place beside
+that carries all of that has no edge there, nor has the place of the vehicle's start. An object is
+in the way if the path down comes as near to it as that, or as its bumper plus 15 cm. A place beside
 it is searched on circles around the upper vehicle, the nearest first, and on each circle first in
-the direction away from the vehicle or edge below. A place must be inside the fence, and the paths
-to it and down from it must be clear of obstacles and of all known vehicles.
+the direction away from what is below. A place must be inside the fence, and the paths to it and
+down from it must be clear of obstacles, objects and all known vehicles.
 """
 
 from __future__ import annotations
@@ -17,8 +19,9 @@ from math import atan2, cos, hypot, pi, sin
 from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance
-from kybflow.core.signals import Estimate
+from kybflow.core.signals import NO_OBJECTS, Estimate, SeenObjects
 from kybflow.world.ground import STAND_HEIGHT
+from kybflow.world.objects import Placement, WorldObject, distance_to, placements
 from kybflow.world.vehicle_context import LEGS, VehicleContext
 
 _MARGIN = 0.15
@@ -37,25 +40,56 @@ Fleet = Mapping[str, Estimate | None]
 
 class Below(NamedTuple):
     """What a descending vehicle would land on. words: its description for a message. away: the
-    direction away from it, rad, counterclockwise from x. is_fixed: whether it will not go away."""
+    direction away from it, rad, counterclockwise from x. is_fixed: whether it will not go away.
+    where: it is below, or in the way down."""
 
     words: str
     away: float
     is_fixed: bool
+    where: str = "below"
 
 
-def what_is_below(context: VehicleContext, here: Vec3, fleet: Fleet) -> Below | None:
-    """Return the nearest vehicle under the position `here`, else the edge of an obstacle under it,
-    else None."""
+def what_is_below(
+    context: VehicleContext, here: Vec3, fleet: Fleet, objects: SeenObjects = NO_OBJECTS
+) -> Below | None:
+    """Return the nearest vehicle under the position `here`, else an object beside the path down,
+    else the edge of an obstacle under it, else None. objects: those that have been seen; others
+    are where they start."""
     found = [
         (apart, name, other)
         for name, other, apart in _others(context, here, fleet)
         if other[2] < here[2] and apart < _needed(context, name)
     ]
     if not found:
-        return _edge_below(context, here)
+        return _object_near(context, here, objects) or _edge_below(context, here)
     _, name, other = min(found)
     return Below(f"`{name}`", atan2(here[1] - other[1], here[0] - other[0]), False)
+
+
+def _object_near(context: VehicleContext, here: Vec3, seen: SeenObjects) -> Below | None:
+    """Return the first object that the way down from `here` touches, None without one."""
+    down = [here, *_between(here, (*here[:2], context.start[2]))]
+    for one, place in _placed(context, seen):
+        if any(distance_to(one, place, p) < _reach(context) for p in down):
+            x, y, _ = place.position
+            return Below(
+                f"the object `{one.name}`", atan2(here[1] - y, here[0] - x), True, "in the way"
+            )
+    return None
+
+
+def _placed(context: VehicleContext, seen: SeenObjects) -> Iterator[tuple[WorldObject, Placement]]:
+    """Yield the objects, each where it was seen last, or where it starts."""
+    for name, place in placements(context.objects, {}).items() if context.objects else ():
+        known = seen.get(name)
+        at = place if known is None else Placement(known.position, known.attitude)
+        yield context.objects[name], at
+
+
+def _reach(context: VehicleContext) -> float:
+    """Return how near to the path of a vehicle's centre something is in its way, m."""
+    frame = context.airframe
+    return max(0.5 * frame.diameter, frame.bumper or 0.0) + _MARGIN
 
 
 def _edge_below(context: VehicleContext, here: Vec3) -> Below | None:
@@ -81,7 +115,13 @@ def _edge_below(context: VehicleContext, here: Vec3) -> Below | None:
     return None if carried else Below(f"an edge of `{name}`", atan2(north, east), True)
 
 
-def place_beside(context: VehicleContext, here: Vec3, fleet: Fleet, away: float) -> Vec3 | None:
+def place_beside(
+    context: VehicleContext,
+    here: Vec3,
+    fleet: Fleet,
+    away: float,
+    objects: SeenObjects = NO_OBJECTS,
+) -> Vec3 | None:
     """Return the nearest position at the height of `here` from which the vehicle can descend, or
     None. away: the direction that is tried first, rad."""
     x, y, z = here
@@ -91,12 +131,14 @@ def place_beside(context: VehicleContext, here: Vec3, fleet: Fleet, away: float)
             angle = away + side * 2.0 * pi / _DIRECTIONS
             radius = circle * _STEP
             place = (x + radius * cos(angle), y + radius * sin(angle), z)
-            if _is_free(context, here, place, fleet):
+            if _is_free(context, here, place, fleet, objects):
                 return place
     return None
 
 
-def _is_free(context: VehicleContext, here: Vec3, place: Vec3, fleet: Fleet) -> bool:
+def _is_free(
+    context: VehicleContext, here: Vec3, place: Vec3, fleet: Fleet, objects: SeenObjects
+) -> bool:
     way = [*_between(here, place)]
     for name, other, apart in _others(context, place, fleet):
         needed = _needed(context, name)
@@ -111,6 +153,13 @@ def _is_free(context: VehicleContext, here: Vec3, place: Vec3, fleet: Fleet) -> 
     ):
         return False
     down = [*_between(place, ground)]
+    reach = _reach(context)
+    for one, at in _placed(context, objects):
+        near = min(reach, distance_to(one, at, here))
+        if any(distance_to(one, at, p) < near for p in way) or any(
+            distance_to(one, at, p) < reach for p in down
+        ):
+            return False
     for shape in context.obstacles.values():
         near = min(keep, shape.distance(here))
         if any(shape.distance(p) < near for p in way) or any(

@@ -260,6 +260,12 @@ class Behavior(Part[P]):
         return None
 
     @classmethod
+    def pushes(cls, params: P) -> tuple[str, float] | None:
+        """Return the surface, `OBJECT.SURFACE`, against which the behavior presses and its force,
+        N; None if it presses against nothing."""
+        return None
+
+    @classmethod
     def objection(cls, params: P, entry: Entry) -> str | None:
         """Return why no `next` and no request may enter the behavior now, so that the vehicle stays
         in its present one; None if they may."""

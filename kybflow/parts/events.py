@@ -630,7 +630,7 @@ class Collided(VehicleEvent):
 class ContactBegan(VehicleEvent):
     """The vehicle touches an object: its `surface`, or its box if that is empty."""
 
-    awaited = "nowhere"
+    awaited = "to log it"
     object: str
     surface: str
 
@@ -638,7 +638,7 @@ class ContactBegan(VehicleEvent):
 class ContactEnded(VehicleEvent):
     """The vehicle no longer touches an object, which it pressed for `lasted`, by up to `force`."""
 
-    awaited = "nowhere"
+    awaited = "to log it"
     object: str
     surface: str
     lasted: Duration

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import hypot
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from part_bench import SITE as CONTEXT
-from part_bench import estimate
+from part_bench import BLOCK, SITE, estimate, seen_block
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import Estimate
@@ -16,6 +16,7 @@ from kybflow.flight.landing_place import place_beside, what_is_below
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
 from kybflow.world.vehicle_context import VehicleContext
 
+CONTEXT = SITE._replace(objects={})
 HERE = (0.0, 0.0, 1.2)
 NEEDED = CONTEXT.airframe.diameter + 0.15
 
@@ -139,3 +140,19 @@ def test_a_place_beside_an_edge_is_free_of_edges(height: float, x: float, y: flo
     assert what_is_below(context, place, {}) is None
     assert TABLE.distance((*place[:2], 0.3)) >= 0.5 * context.airframe.diameter + 0.2
     assert distance(place, here) < 1.3
+
+
+@pytest.mark.parametrize("q", [0.0, 0.4])
+def test_it_comes_down_beside_an_object_where_it_was_seen(q: float) -> None:
+    (x, y, z), seen = BLOCK.at, seen_block(q)
+    here = (x - 0.3 + q, y, z)
+    assert what_is_below(SITE, (x - 0.5 + q, y, z), {}, seen) is None
+    below = what_is_below(SITE, here, {}, seen)
+    assert below is not None
+    assert below.words == "the object `block`"
+    place = place_beside(SITE, here, {}, below.away, seen)
+    assert place is not None
+    assert place[0] < here[0]
+    assert what_is_below(SITE, place, {}, seen) is None
+    bumper = SITE._replace(airframe=replace(SITE.airframe, bumper=0.5))
+    assert what_is_below(bumper, (x - 0.5 + q, y, z), {}, seen) is not None

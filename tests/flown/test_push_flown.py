@@ -17,7 +17,7 @@ on:
 
 
 def flown(text: str, tmp_path, seed: int = 0) -> tuple[list[Event], dict]:
-    plan = compiled(with_library(tmp_path) / "push.yaml", text)
+    plan = compiled(with_library(tmp_path) / "push.yaml", text, warns=True)
     told: list[Event] = []
     return told, fly(plan, RunRequest(seed=seed, out=tmp_path / "run"), (told.append,)).summary
 
@@ -44,6 +44,17 @@ def test_it_lets_go_in_a_fifth_of_a_second_when_somebody_takes_the_cart_away(tmp
     assert "lost contact with `cart.back`" in failed.fields["reason"]
     assert failed.time / NS < times(told, "contact_ended")[-1] + 0.2
     assert [e.fields["behavior"] for e in told if e.name == "behavior_started"][-1] == "landed"
+
+
+def test_the_failsafe_lands_beside_what_the_vehicle_pushes(tmp_path) -> None:
+    stuck = TEXT.replace("friction: 0.3 N", "friction: 3 N").replace(
+        "vehicles:", "time_limit: 20 s\nvehicles:"
+    )
+    told, _ = flown(stuck, tmp_path)
+    [began] = times(told, "behavior_started", behavior="auto_land")
+    assert times(told, "contact_began")[-1] < began
+    assert times(told, "contact_ended")[-1] < began + 2.0
+    assert times(told, "landed")
 
 
 @pytest.mark.parametrize("seed", [1, 2])

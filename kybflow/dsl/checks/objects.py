@@ -1,25 +1,29 @@
 """Objects of the world: their joints, where they are, and the simulators that move them: KYB580 to
-KYB586."""
+KYB587."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from kybflow.core.geometry import Vec3
+from kybflow.core.geometry import Vec3, dot, rotate
 from kybflow.core.text import did_you_mean
-from kybflow.core.units import ANGLE, LENGTH, format_quantity
+from kybflow.core.units import ANGLE, FORCE, LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case, taken_names
 from kybflow.dsl.checks.obstacles import is_vertical, nearest, path_of, room_needed
 from kybflow.dsl.checks.space import aim_of, footprints, shown_point, values_of
 from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.plan import PartPlan
 from kybflow.dsl.world import ObjectParams
 from kybflow.world.objects import (
+    Face,
     Placement,
+    SlideJoint,
     TurnJoint,
     WorldObject,
     corners,
     distance_to,
+    face_of,
     placements,
 )
 from kybflow.world.vehicle_context import LEGS
@@ -132,9 +136,10 @@ def overlaps_at_the_start(case: Case) -> Iterator[Diagnostic]:
             yield Diagnostic("KYB584", message, one.span_of("at"), help=hint)
         for vehicle in plan.vehicles:
             room = distance_to(made, place, vehicle.start)
-            if room < (vehicle.airframe.bumper or vehicle.airframe.arm):
+            reach = vehicle.airframe.bumper or vehicle.airframe.arm
+            if room < reach:
                 message = f"`{vehicle.name}` starts in the object `{one.name}`"
-                where, label = vehicle.span_of("start", "at"), room_needed(vehicle, room)
+                where, label = vehicle.span_of("start", "at"), room_needed(vehicle, room, reach)
                 hint = "move the start further away"
                 yield Diagnostic("KYB584", message, where, label=label, help=hint)
 
@@ -206,3 +211,53 @@ def hangs_in_the_air(case: Case) -> Iterator[Diagnostic]:
             help="put it on the floor or on an obstacle, or give it a joint",
             severity=Severity.WARNING,
         )
+
+
+def pushed_in_vain(case: Case) -> Iterator[Diagnostic]:
+    """KYB587: the pushes against an object on a slide, and against what stands on it, are together
+    weaker than the slide's dry friction (a warning).
+
+    What counts is the part of each force along the slide, of each vehicle the strongest in either
+    direction, and the direction in which the sum is larger.
+    """
+    solids = {solid.made.name: solid for solid in case.cached(_solids)}
+    for name, solid in solids.items():
+        joint = solid.made.joint
+        if not isinstance(joint, SlideJoint) or not joint.friction:
+            continue
+        axis = rotate(solid.place.attitude, solid.made.axis)
+        ahead: dict[str, float] = {}
+        behind: dict[str, float] = {}
+        weak: PartPlan | None = None
+        for vehicle, state in case.states():
+            part = state.behavior
+            surface, force = part.cls.pushes(part.params) or ("", 0.0)
+            face = _face(solids, surface, name)
+            if face is None:
+                continue
+            along, weak = -force * dot(face.outward, axis), weak or part
+            ahead[vehicle.name] = max(ahead.get(vehicle.name, 0.0), along)
+            behind[vehicle.name] = max(behind.get(vehicle.name, 0.0), -along)
+        most = max(sum(ahead.values()), sum(behind.values()))
+        if weak is not None and most < joint.friction:
+            needed = format_quantity(joint.friction, FORCE)
+            yield Diagnostic(
+                "KYB587",
+                f"no push moves `{name}`, whose friction is {needed}",
+                weak.span_of("force", "surface"),
+                label=f"all pushes are {format_quantity(round(most, 3), FORCE)} along its slide",
+                help=f"push with more than {needed}, or let more vehicles push",
+                severity=Severity.WARNING,
+            )
+
+
+def _face(solids: Mapping[str, _Solid], surface: str, on: str) -> Face | None:
+    """Return a surface if its object is `on`, or stands on it."""
+    name, _, label = surface.partition(".")
+    solid = solids.get(name)
+    found = None if solid is None else solid.made.surface(label)
+    while solid is not None and solid.made.name != on:
+        solid = solids.get(solid.made.on or "")
+    if found is None or solid is None:
+        return None
+    return face_of(found, solids[name].place)

@@ -425,10 +425,12 @@ def _top(shape: Shape, point: Vec3) -> tuple[float, float]:
     return top, inside
 
 
-def room_needed(vehicle: VehiclePlan, room: float) -> str:
-    """Return in words how close the vehicle comes and how much room it needs."""
+def room_needed(vehicle: VehiclePlan, room: float, needs: float | None = None) -> str:
+    """Return in words how close the vehicle comes and how much room it needs: `needs`, or that of
+    its arms, metres."""
     where = f"{format_quantity(-room, LENGTH)} inside" if room < 0 else "too close"
-    return f"{where}; it needs {format_quantity(vehicle.airframe.arm, LENGTH)} around it"
+    reach = vehicle.airframe.arm if needs is None else needs
+    return f"{where}; it needs {format_quantity(reach, LENGTH)} around it"
 
 
 def _stands(case: Case, name: str) -> str:

@@ -23,9 +23,10 @@ follows then needs no height.
 
 It does not land on another vehicle (`kybflow.flight.landing_place`): the descent pauses while one
 is below. Without a `position` it moves to a free place beside that vehicle; with one it waits for
-`patience` and then fails. Without a `position` it does not land on the edge of an obstacle of the
-world either: it moves to a free place beside it. Without a free place it reports this, waits for
-`patience` and then descends, because the edge won't go away and a landing must end on the ground.
+`patience` and then fails. Without a `position` it lands neither on the edge of an obstacle of the
+world nor against an object: it moves to a free place beside it. Without a free place it reports
+this, waits for `patience` and then descends, because the edge won't go away and a landing must end
+on the ground.
 
 If the vehicle is already on the ground, the behavior ends at once. Its last setpoint is IDLE. A
 velocity at entry is reduced to zero on the way. World frame, metres; the heading is kept.
@@ -168,12 +169,12 @@ class Land(
         `position`, choose a new goal beside it."""
         if tick.elapsed >= self._look:
             self._look = tick.elapsed + _LOOK_PERIOD_S
-            below = what_is_below(self._context, own, tick.fleet)
+            below = what_is_below(self._context, own, tick.fleet, tick.objects)
             if below is not None and below.is_fixed:
                 tolerated = self._point is not None or self._barred > self.params.patience
                 below = None if tolerated else below
             self._under = below
-            self.waits_for = None if below is None else f"{below.words} is below"
+            self.waits_for = None if below is None else f"{below.words} is {below.where}"
         below = self._under
         if below is None or not self._descends or tick.elapsed < self._arrival:
             return below
@@ -182,13 +183,13 @@ class Land(
             return below
         x, y, _ = self._way.at(tick.elapsed - self._began).position
         here = (x, y, self._height)
-        goal = place_beside(self._context, here, tick.fleet, below.away)
+        goal = place_beside(self._context, here, tick.fleet, below.away, tick.objects)
         if goal is not None:
             self._goal, self._way, self._began = goal, self._to(here, goal), tick.elapsed
             self._arrival, self._descends = tick.elapsed + self._way.duration, False
         elif below.is_fixed:
             self._barred += tick.dt
-            self.waits_for = f"{below.words} is below, and no place beside it is free"
+            self.waits_for = f"{below.words} is {below.where}, and no place beside it is free"
         return below
 
     def _to(self, start: Vec3, goal: Vec3) -> Straight:

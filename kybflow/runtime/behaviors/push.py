@@ -105,6 +105,10 @@ class PushBehavior(Behavior[PushBehaviorParams], flight=AIR >> AIR, emits=Setpoi
         return left < near
 
     @classmethod
+    def pushes(cls, params: PushBehaviorParams) -> tuple[str, float]:
+        return params.surface, params.force
+
+    @classmethod
     def objections(cls, params: PushBehaviorParams, context: VehicleContext) -> Iterator[Objection]:
         found = list(_surface.objections(params.surface, context))
         yield from found

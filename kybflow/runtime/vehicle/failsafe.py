@@ -399,7 +399,10 @@ class Reactions:
             if self._link.prefers_land_mode(reaction, misled=misled):
                 own, context = tick.estimate, runner.entry().context
                 # the vehicle's own land mode wouldn't notice another vehicle or an edge below
-                if own is None or what_is_below(context, own.position, tick.fleet) is None:
+                if (
+                    own is None
+                    or what_is_below(context, own.position, tick.fleet, tick.objects) is None
+                ):
                     runner.start_land_mode(tick.now)
         return True
 
