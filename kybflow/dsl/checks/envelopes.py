@@ -41,6 +41,10 @@ class Reaches(NamedTuple):
     at_first: Bounds
 
 
+_STOP = 0.02
+"""How far a joint gives way at its stop and how wrongly it is measured, m or rad."""
+
+
 def reaches_of(case: Case) -> Callable[[str | None], Reaches]:
     """Return a function from the name of a vehicle to the bounds that apply to its conditions. For
     None, it returns those for conditions of no vehicle."""
@@ -62,10 +66,16 @@ def _reaches(case: Case) -> list[Callable[[str | None], Reaches]]:
     solids = {
         name: _box_of(shape) for name, shape in (*plan.obstacles.items(), *plan.moving.items())
     }
+    joints = {n: one.joint for n, one in plan.objects.items() if one.joint is not None}
+    moved = {n: (j.low - _STOP, j.high + _STOP) for n, j in joints.items()}
+    at_start = {n: (j.start - _STOP, j.start + _STOP) for n, j in joints.items()}
 
     def reaches(own: str | None) -> Reaches:
         if own not in made:
-            usual, certain, first = (Envelopes(kind, own, solids) for kind in kinds)
+            usual, certain, first = (
+                Envelopes(kind, own, solids, ranges)
+                for kind, ranges in zip(kinds, (moved, moved, at_start), strict=True)
+            )
             longest = case.plan.time_limit
             at_first = physical_bounds(longest, first)
             made[own] = Reaches(

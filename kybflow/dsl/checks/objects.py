@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from kybflow.core.geometry import Vec3, dot, rotate
+from kybflow.core.geometry import Vec3, add, dot, rotate, scale
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import ANGLE, FORCE, LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case, taken_names
@@ -32,6 +32,8 @@ LEAST_PHYSICS = 500.0
 """Rate of the physics below which contacts are wrong, Hz: at 250 Hz a pushed bar ended 26 cm
 off."""
 _DEPTH = 1e-6
+_BEFORE = 0.02
+"""Distance (m) before a surface that must be free."""
 _DROP = 0.15
 """How far an object may fall at the start, m: heights are estimated, and the floor is not at
 zero."""
@@ -57,7 +59,7 @@ def stands_on_nothing(case: Case) -> Iterator[Diagnostic]:
 def moves_nowhere(case: Case) -> Iterator[Diagnostic]:
     """KYB581: the joint of an object can't move it: there are two joints, its direction is zero,
     its stops are in the wrong order, or it starts beyond one of them. Or a surface faces
-    nowhere."""
+    nowhere, or into the object's own box."""
     for one in case.plan.world.objects:
         for keys, what, hint in _flaws(one):
             message = f"`{one.name}` {what}"
@@ -67,6 +69,12 @@ def moves_nowhere(case: Case) -> Iterator[Diagnostic]:
                 message = f"the surface `{surface.name}` of `{one.name}` faces nowhere"
                 hint = "`facing` is a direction, like `[-1, 0, 0]`"
                 yield Diagnostic("KYB581", message, surface.span_of("facing"), help=hint)
+        for made, given in zip(one.made.surfaces, one.surfaces, strict=True):
+            before = add(made.at, scale(made.outward, _BEFORE))
+            if all(abs(at) < 0.5 * size for at, size in zip(before, one.made.size, strict=True)):
+                message = f"the surface `{made.name}` of `{one.name}` faces into its box"
+                hint = "turn `facing` round, or move `at` to the box's side"
+                yield Diagnostic("KYB581", message, given.span_of("facing", "at"), help=hint)
 
 
 def _flaws(one: ObjectParams) -> Iterator[tuple[tuple[str, ...], str, str]]:

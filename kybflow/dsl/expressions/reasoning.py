@@ -62,11 +62,13 @@ class _TooManyError(Exception):
 class Envelopes(NamedTuple):
     """The regions in which the vehicles are. of: the envelope of each vehicle by name; a vehicle
     without one may be anywhere. own: the vehicle whose condition is evaluated. obstacles: the box
-    that contains each obstacle; one without a box is endless."""
+    that contains each obstacle; one without a box is endless. joints: the range of each object's
+    joint."""
 
     of: Mapping[str, Envelope]
     own: str | None = None
     obstacles: Mapping[str, Box] = MappingProxyType({})
+    joints: Mapping[str, tuple[float, float]] = MappingProxyType({})
 
     def get(self, vehicle: str | None) -> Envelope | None:
         name = self.own if vehicle is None else vehicle
@@ -131,6 +133,8 @@ def physical_bounds(
                 return -1.0, 1.0
             case Read(vehicle, name):
                 return OBSERVABLES[name].bounds(there.get(vehicle))
+            case tree.ObjectRead(one, "position" | "angle"):
+                return there.joints.get(one, (-inf, inf))
             case tree.ObjectRead(_, name):
                 return OBJECT_OBSERVABLES[name].low, OBJECT_OBSERVABLES[name].high
             case tree.Distance() | tree.Separation() | tree.Clearance():
