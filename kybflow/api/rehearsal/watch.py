@@ -352,9 +352,10 @@ class Watch:
 
 
 def _half_needed(vehicle: Vehicle) -> float:
-    """Return half the distance at which the rotor discs of two equal vehicles don't overlap, m."""
+    """Return half the distance at which the rotor discs of two equal vehicles don't overlap and
+    their bumpers don't touch, m."""
     frame = vehicle.context.airframe
-    return frame.arm + 0.5 * frame.rotor_radius
+    return max(frame.arm + 0.5 * frame.rotor_radius, frame.bumper or 0.0)
 
 
 def _needed(one: Vehicle, other: Vehicle) -> float:

@@ -70,7 +70,8 @@ def own_place(vehicle: VehiclePlan, span: Span, other: Span) -> Span:
 
 
 def _apart(a: VehiclePlan, b: VehiclePlan) -> float:
-    return max(a.airframe.diameter, b.airframe.diameter)
+    bumpers = (a.airframe.bumper or 0.0) + (b.airframe.bumper or 0.0)
+    return max(a.airframe.diameter, b.airframe.diameter, bumpers)
 
 
 def leaves_the_fence(case: Case) -> Iterator[Diagnostic]:
