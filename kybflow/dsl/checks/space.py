@@ -40,8 +40,8 @@ def starts_outside(case: Case) -> Iterator[Diagnostic]:
 
 
 def starts_too_close(case: Case) -> Iterator[Diagnostic]:
-    """KYB312: two vehicles start closer together than the larger one's diameter, or than their bumpers
-    allow.
+    """KYB312: two vehicles start closer together than the larger one's diameter, or than the sum of
+    their bumpers' radii.
 
     Each vehicle is reported only for the first one that it is too close to.
     """
