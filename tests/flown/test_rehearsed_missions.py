@@ -19,6 +19,8 @@ OFF = 0.03
 SYMMETRIC = frozenset({"cross_traffic"})
 """Ideal vehicles meet in one instant there, real ones one after the other: their ways round each
 other take as long as they take (docs/rehearsal.md)."""
+PUSHED = {"push_cart"}
+"""How long a push takes hangs on forces, which a rehearsal leaves out."""
 
 
 def rehearsed(path: Path) -> tuple[Plan, Rehearsal]:
@@ -39,7 +41,7 @@ def test_a_shipped_mission_rehearses_without_a_finding(path: Path) -> None:
     [
         pytest.param(p, id=p.stem, marks=() if p.stem in QUICK else pytest.mark.thorough)
         for p in SHIPPED
-        if p.stem not in SYMMETRIC
+        if p.stem not in SYMMETRIC | PUSHED
     ],
 )
 def test_its_time_is_that_of_the_simulator(path: Path, tmp_path: Path) -> None:
