@@ -300,13 +300,16 @@ class _Draw:
     def _fits(self, spec: PartSpec, vehicle: VehiclePlan) -> bool:
         if any(field.names == "vehicle" for field in spec.fields) and len(self._plan.vehicles) < 2:
             return False
-        moving = any(one.moves for one in self._plan.objects.values())
-        if any(field.names == "object" for field in spec.fields) and not moving:
+        if any(field.names == "object" for field in spec.fields) and not self._moving():
             return False
         parts = [use.part for use in vehicle.estimators]
         return spec.cls.spoils is None or any(
             spec.cls.spoils in part.cls.uses(part.params) for part in parts
         )
+
+    def _moving(self) -> list[str]:
+        """The objects that move."""
+        return [name for name, one in self._plan.objects.items() if one.moves]
 
     def _drawn(self, field: Field, vehicle: VehiclePlan) -> str | None:
         """The text of a parameter's value; None for the default."""
@@ -315,7 +318,7 @@ class _Draw:
             others = [v.name for v in self._plan.vehicles if v is not vehicle]
             return rng.choice(others)
         if field.names == "object":
-            return rng.choice([name for name, one in self._plan.objects.items() if one.moves])
+            return rng.choice(self._moving())
         if field.names == "estimator":
             return rng.choice([u.part.label.rpartition(".")[2] for u in vehicle.estimators])
         if field.choices:

@@ -24,8 +24,8 @@ class TouchSense:
     """Infers the contact of a vehicle with a surface. reach: the radius of its bumper, m. touches:
     whether it touches now."""
 
-    def __init__(self, reach: float, *, touches: bool = False) -> None:
-        self.touches = touches
+    def __init__(self, reach: float) -> None:
+        self.touches = False
         self._reach, self._otherwise = reach, 0.0
 
     def gap(self, face: Face, position: Vec3) -> float:
@@ -40,7 +40,7 @@ class TouchSense:
         """Return whether the vehicle, which is commanded to press, touches the surface."""
         ahead, aside, above = face.before(known.position)
         gap = ahead - self._reach
-        before = abs(aside) < 0.5 * face.width and abs(above) < 0.5 * face.height
+        before = face.spans(aside, above)
         if self.touches:
             differs = gap > APART or not before
         else:

@@ -46,6 +46,10 @@ def is_in(behavior: str, state: str) -> bool:
     return behavior == state or ("." in behavior and behavior.startswith(f"{state}."))
 
 
+NOTHING = "nothing"
+"""What a vehicle touches that touches no object."""
+
+
 class State(Protocol):
     """The properties that an Estimate and a Truth have in common."""
 
@@ -319,7 +323,8 @@ OBSERVABLES: dict[str, Observable] = {
 @dataclass(frozen=True, slots=True)
 class ObjectObservable:
     """A value of an object that conditions and expectations can read by name. has: returns whether
-    an object has it. low, high, wraps: as in `Observable`."""
+    an object has it. low, high, wraps: as in `Observable`. of_joint: whether it is the coordinate
+    of the object's joint."""
 
     help: str
     dimension: Dimension
@@ -328,6 +333,7 @@ class ObjectObservable:
     low: float = -inf
     high: float = inf
     wraps: bool = False
+    of_joint: bool = False
 
 
 OBJECT_OBSERVABLES: dict[str, ObjectObservable] = {
@@ -343,10 +349,11 @@ OBJECT_OBSERVABLES: dict[str, ObjectObservable] = {
     ),
     "position": ObjectObservable(
         "Position along its slide, from `at`.", LENGTH, lambda o: o.q,
-        lambda one: isinstance(one.joint, SlideJoint),
+        lambda one: isinstance(one.joint, SlideJoint), of_joint=True,
     ),
     "angle": ObjectObservable(
-        "Angle of its joint.", ANGLE, lambda o: o.q, lambda one: isinstance(one.joint, TurnJoint)
+        "Angle of its joint.", ANGLE, lambda o: o.q,
+        lambda one: isinstance(one.joint, TurnJoint), of_joint=True,
     ),
     "turn_rate": ObjectObservable(
         "Rate of turning, about its joint or, of a free object, about the vertical.",

@@ -16,7 +16,7 @@ from kybflow.core.signals import (
     Sticks,
 )
 from kybflow.flight.avoidance.surroundings import grown
-from kybflow.parts.observables import ObjectView, ObstacleView, State, Unavailable
+from kybflow.parts.observables import NOTHING, ObjectView, ObstacleView, State, Unavailable
 from kybflow.parts.true_objects import TrueObjects
 from kybflow.runtime.fleet.inferred_contacts import InferredContacts, Touching
 from kybflow.runtime.fleet.tracked_bodies import UNSEEN_NS
@@ -26,10 +26,6 @@ from kybflow.world.shapes import Sphere
 if TYPE_CHECKING:
     from kybflow.runtime.fleet.ground_truth import ObjectContacts
     from kybflow.runtime.vehicle.vehicle import Vehicle
-
-
-NOTHING = "nothing"
-"""What a vehicle touches that touches no object."""
 
 
 class KnownObjects(NamedTuple):

@@ -272,6 +272,10 @@ class Face(NamedTuple):
         away = sub(p, self.centre)
         return dot(away, self.outward), dot(away, self.along), away[2]
 
+    def spans(self, aside: float, above: float) -> bool:
+        """Return whether a point so far along the width and upwards is before the face."""
+        return abs(aside) < 0.5 * self.width and abs(above) < 0.5 * self.height
+
 
 def face_of(
     surface: ObjectSurface, place: Placement, velocity: Vec3 = ZERO, turning: Vec3 = ZERO

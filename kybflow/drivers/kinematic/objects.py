@@ -67,8 +67,8 @@ class IdealObjects:
             for one, surface, face in self._faces():
                 ahead, aside, above = face.before(position)
                 gap = abs(ahead - (context.airframe.bumper or context.airframe.hull))
-                beside = abs(aside) > 0.5 * face.width or abs(above) > 0.5 * face.height
-                if gap < _NEAR and not beside and dot(direction, face.outward) < -0.7:
+                faces = face.spans(aside, above) and dot(direction, face.outward) < -0.7
+                if gap < _NEAR and faces:
                     self._pressed.add(Contact(context.vehicle, one.name, surface))
                     pushed.append((one, face))
         for one, face in pushed:

@@ -109,8 +109,6 @@ class Envelopes(NamedTuple):
 
 EVERYWHERE = Box((-inf, -inf, -inf), (inf, inf, inf))
 ANYWHERE = Envelopes({})
-_OF_JOINTS = ("position", "angle")
-"""The values of objects that are the coordinate of a joint."""
 _PAYLOAD_DISTANCE = (1.0, 1.0, 1.0)
 """How far from its vehicle a payload may be, on board or after it was released, along each axis,
 m."""
@@ -136,8 +134,9 @@ def physical_bounds(
             case Read(vehicle, name):
                 return OBSERVABLES[name].bounds(there.get(vehicle))
             case tree.ObjectRead(one, name):
-                low, high = OBJECT_OBSERVABLES[name].low, OBJECT_OBSERVABLES[name].high
-                return there.joints.get(one, (low, high)) if name in _OF_JOINTS else (low, high)
+                read = OBJECT_OBSERVABLES[name]
+                usual = read.low, read.high
+                return there.joints.get(one, usual) if read.of_joint else usual
             case tree.Distance() | tree.Separation() | tree.Clearance():
                 return there.apart(value)
             case tree.Aggregate(function, inner, _, state):

@@ -29,6 +29,7 @@ from kybflow.dsl.expressions.tree import (
     Word,
 )
 from kybflow.parts.observables import (
+    NOTHING,
     OBJECT_OBSERVABLES,
     OBSERVABLES,
     ObjectObservable,
@@ -343,7 +344,7 @@ class Semantics:
             known = self._scope.estimators.get(vehicle)
         words = OBSERVABLES[read.name].words
         if read.name == "contact":
-            words = (*self._scope.objects, "nothing")
+            words = (*self._scope.objects, NOTHING)
         if words and token.text not in words:
             self.report_unknown(token, f"`{read.name}` is never `{token.text}`", words)
         if known is not None and token.text not in known:
