@@ -496,7 +496,8 @@ class Tick(NamedTuple):
     frame is wrong; None otherwise. rejection: why the vehicle doesn't use the positions that it is
     sent, None if it does. command: the one that was sent in the last tick. uncompared: for how long
     poses have come in this flight by which their frame could not be judged, s. objects: the objects
-    of the world that motion capture tracks.
+    of the world that motion capture tracks. share: what the coordinator of the vehicle's flow gave
+    it in the last tick, None without one.
     """
 
     now: Time
@@ -519,6 +520,7 @@ class Tick(NamedTuple):
     command: Command | None = None
     uncompared: float = 0.0
     objects: SeenObjects = NO_OBJECTS
+    share: float | None = None
 
     @property
     def sound_estimate(self) -> Estimate | None:

@@ -711,6 +711,11 @@ class PhasePlan(Record):
         "or `in_turns`, each after the previous one has arrived.",
         default=None,
     )
+    coordinator: Annotated[PartPlan | None, part_of("coordinators")] = key(
+        "What gives the vehicles of `run` a value each in every tick, like the force that each of "
+        "them shares.",
+        default=None,
+    )
     next: Ways = key(
         "Transitions, evaluated from the top in every tick; `end` ends the flow.", default=()
     )

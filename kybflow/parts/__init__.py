@@ -21,6 +21,7 @@ from kybflow.parts.behavior import (
     Origin,
 )
 from kybflow.parts.control_loop import Estimator, Processor, Supervisor, Tracker
+from kybflow.parts.coordinator import Coordinator, Shares, Team, TeamMember, TeamTick
 from kybflow.parts.driver import Act, Air, Charge, Driver, MeasuredPositions, Seat, Session
 from kybflow.parts.fault import ActiveFaults, Effect, Fault, Filter
 from kybflow.parts.input import AXES, Input, InputLink
@@ -41,6 +42,7 @@ __all__ = [
     "Charge",
     "Check",
     "Claim",
+    "Coordinator",
     "Driver",
     "Effect",
     "Entry",
@@ -64,9 +66,13 @@ __all__ = [
     "Seat",
     "Sensor",
     "Session",
+    "Shares",
     "StatusText",
     "Stream",
     "Supervisor",
+    "Team",
+    "TeamMember",
+    "TeamTick",
     "Tracker",
     "fields_of",
     "param",

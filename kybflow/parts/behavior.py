@@ -260,9 +260,9 @@ class Behavior(Part[P]):
         return None
 
     @classmethod
-    def pushes(cls, params: P) -> tuple[str, float] | None:
+    def pushes(cls, params: P) -> tuple[str, float | None] | None:
         """Return the surface, `OBJECT.SURFACE`, against which the behavior presses and its force,
-        N; None if it presses against nothing."""
+        N, or None if a coordinator gives the force; None if it presses against nothing."""
         return None
 
     @classmethod

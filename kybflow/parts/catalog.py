@@ -23,6 +23,7 @@ from kybflow.core.sources import docstring_of, is_compiled
 from kybflow.parts import (
     Action,
     Behavior,
+    Coordinator,
     Driver,
     Estimator,
     Fault,
@@ -38,6 +39,7 @@ BASES: dict[str, type[Part[Any]]] = {
     base.kind: base
     for base in (
         Behavior, Estimator, Processor, Tracker, Supervisor, Driver, Sensor, Input, Fault, Action,
+        Coordinator,
     )
 }  # fmt: skip
 _HOMES = {"drivers": "kybflow", "sensors": "kybflow", "inputs": "kybflow"}

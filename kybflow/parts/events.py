@@ -480,6 +480,14 @@ class PhaseEnded(RunEvent):
     how: str
 
 
+class CoordinatorChanged(RunEvent):
+    """The coordinator of a phase does something else; `state` is what."""
+
+    flow: str
+    state: str
+    reason: str
+
+
 class PhaseRefused(RunEvent):
     """A requested phase can't be entered now."""
 

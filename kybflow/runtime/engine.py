@@ -108,7 +108,9 @@ class Engine:
         self._believed = {vehicle.name: BelievedView(vehicle, known) for vehicle in vehicles}
         true, period = {v.name: TrueView(v, known) for v in vehicles}, clock.period / NS
         self.judge = Judge(plan.expectations, true, self.mission_seconds, period)
-        self.flows = Flows(plan, self.vehicles, self._condition(None), events, self.options)
+        self.flows = Flows(
+            plan, self.vehicles, self._condition(None), events, self.options, objects.seen
+        )
         requests = {vehicle.name: vehicle.requests for vehicle in self.vehicles}
         controls = RunControls(requests, options, events, self.flows.enter, self.stop)
         self.commander = Commander(

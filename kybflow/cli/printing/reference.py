@@ -26,7 +26,7 @@ from kybflow.parts.catalog import Catalog, PartSpec, own_catalog
 from kybflow.parts.events import ENGINE_EVENTS
 from kybflow.world.vehicle_context import Airframe
 
-_NO_OPTIONS = ("drivers", "sensors", "inputs", "faults", "actions")
+_NO_OPTIONS = ("drivers", "sensors", "inputs", "faults", "actions", "coordinators")
 """The kinds of parts whose parameters can't change during a run."""
 
 

@@ -1,23 +1,25 @@
-"""Ideal objects, which move as slowly as they are pushed: without mass, friction or contact forces.
+"""Ideal objects: bodies with the mass, the friction and the damping that the mission declares, and
+without contact dynamics.
 
-A vehicle whose setpoint `presses` with a force against a surface in front of it moves the surface's
-object, and what that is on, at `PUSHED_SPEED`, whether one vehicle pushes or several: along its
-slide, about its turn, or anywhere if it is free.
+A vehicle whose setpoint `presses` with a force against a surface in front of it pushes the
+surface's object, and what that is on, with this force, and moves with it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
+from math import copysign, exp
 
-from kybflow.core.geometry import ZERO, Vec3, add, cross, dot, heading_of, norm, rotate, scale, sub
+from kybflow.core.geometry import ZERO, Vec3, add, dot, heading_of, norm, scale, sub
 from kybflow.parts import ActiveFaults
 from kybflow.parts.link import Contact
+from kybflow.world.freedoms import Freedom, freedoms_of
 from kybflow.world.objects import (
     WORLD,
     Face,
     ObjectState,
     Placement,
-    TurnJoint,
     WorldObject,
     face_of,
     in_order,
@@ -25,13 +27,11 @@ from kybflow.world.objects import (
 )
 from kybflow.world.vehicle_context import VehicleContext
 
-PUSHED_SPEED = 0.1
-"""The speed of a surface that is pushed, m/s."""
 _NEAR = 0.1
 """Distance of the bumper from a surface within which it pushes, m."""
 
 Pressing = tuple[VehicleContext, Vec3, Vec3]
-"""A vehicle that presses: its context, its position, and the direction in which it presses."""
+"""A vehicle that presses: its context, its position, and the force with which it presses, N."""
 
 
 class IdealObjects:
@@ -44,6 +44,10 @@ class IdealObjects:
         }
         self._q, self._gone = starts, dict.fromkeys(objects, ZERO)
         self._states: dict[str, ObjectState] = {}
+        self._freedoms = {name: freedoms_of(objects, name) for name in objects}
+        every = chain.from_iterable(self._freedoms.values())
+        self._every = list({free.name: free for free in every}.values())
+        self._rates: dict[str, float] = {}
         self._pressed: set[Contact] = set()
         self._place(dict(starts), 0.0)
 
@@ -52,7 +56,7 @@ class IdealObjects:
         return self._states
 
     def contacts(self) -> Mapping[Contact, float]:
-        """Return the contacts with a force of 1 N, which moves everything."""
+        """Return the contacts, each with a force of 1 N."""
         return dict.fromkeys(self._pressed, 1.0)
 
     def faults(self) -> Mapping[str, ActiveFaults]:
@@ -60,19 +64,27 @@ class IdealObjects:
         return {}
 
     def advance(self, pressing: Iterable[Pressing], dt: float) -> None:
-        """Move what is pressed for `dt` seconds."""
+        """Move the objects for `dt` seconds."""
         before, self._pressed = dict(self._q), set()
-        pushed: list[tuple[WorldObject, Face]] = []
-        for context, position, direction in pressing:
+        forces, masses = dict[str, float](), dict[str, float]()
+        for context, position, push in pressing:
+            force, mass = norm(push), context.airframe.mass
+            direction = scale(push, 1.0 / force)
             for one, surface, face in self._faces():
                 ahead, aside, above = face.before(position)
                 gap = abs(ahead - (context.airframe.bumper or context.airframe.hull))
                 faces = face.spans(aside, above) and dot(direction, face.outward) < -0.7
                 if gap < _NEAR and faces:
                     self._pressed.add(Contact(context.vehicle, one.name, surface))
-                    pushed.append((one, face))
-        for one, face in pushed:
-            self._push(one, face, dt / sum(other is one for other, _ in pushed))
+                    for free in self._freedoms[one.name]:
+                        place = self._states[free.object]
+                        at = Placement(place.position, place.attitude)
+                        lever = free.lever(at, face.centre, direction)
+                        forces[free.name] = forces.get(free.name, 0.0) + lever * force
+                        masses[free.name] = masses.get(free.name, 0.0) + lever**2 * mass
+        for free in self._every:
+            pushed = forces.get(free.name, 0.0)
+            self._move(free, pushed, free.inertia + masses.get(free.name, 0.0), dt)
         self._place(before, dt)
 
     def _faces(self) -> Iterator[tuple[WorldObject, str, Face]]:
@@ -82,24 +94,22 @@ class IdealObjects:
                 place = Placement(state.position, state.attitude)
                 yield one, surface.name, face_of(surface, place)
 
-    def _push(self, one: WorldObject, face: Face, dt: float) -> None:
-        """Move an object away from a face, and everything that it is on."""
-        state, step = self._states[one.name], PUSHED_SPEED * dt
-        inwards, joint = scale(face.outward, -1.0), one.joint
-        if one.is_free:
-            x, y, _ = inwards
-            self._gone[one.name] = add(self._gone[one.name], scale((x, y, 0.0), step))
-        elif joint is not None:
-            axis = rotate(state.attitude, one.axis)
-            arm = 1.0
-            if isinstance(joint, TurnJoint):
-                axis = cross(axis, sub(face.centre, state.position))
-                arm = max(norm(axis), 1e-3)
-            share = dot(axis, inwards) / arm
-            q = self._q[one.name] + share * step / arm
-            self._q[one.name] = max(joint.low, min(joint.high, q))
-        if one.on is not None:
-            self._push(self._objects[one.on], face, dt)
+    def _move(self, free: Freedom, force: float, inertia: float, dt: float) -> None:
+        """Move one freedom under a force, its friction and its damping."""
+        rate, name = self._rates.get(free.name, 0.0) + force / inertia * dt, free.object
+        stopped = free.friction / inertia * dt
+        rate = copysign(max(0.0, abs(rate) - stopped), rate)
+        joint = self._objects[name].joint
+        if joint is not None:
+            rate *= exp(-joint.damping / inertia * dt)
+            q = self._q[name] + rate * dt
+            self._q[name] = max(joint.low, min(joint.high, q))
+            rate = rate if joint.low < q < joint.high else 0.0
+        elif free.turns:
+            self._q[name] += rate * dt
+        else:
+            self._gone[name] = add(self._gone[name], scale(free.axis, rate * dt))
+        self._rates[free.name] = rate
 
     def _place(self, before: Mapping[str, float], dt: float) -> None:
         """Compute the states from the coordinates. before: the coordinates `dt` seconds ago."""

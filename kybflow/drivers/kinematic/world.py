@@ -221,8 +221,9 @@ class IdealVehicle(Link):
         wanted = self._command.setpoint if self._command is not None else None
         if wanted is None or wanted.presses is None:
             return
-        if dot(wanted.acceleration or ZERO, wanted.presses) > 0.0:
-            yield self.context, self.state.position, wanted.presses
+        push = dot(wanted.acceleration or ZERO, wanted.presses) * self.context.airframe.mass
+        if push > 0.0:
+            yield self.context, self.state.position, scale(wanted.presses, push)
 
     def move(self, now: Time, dt: float) -> None:
         """Follow the last command for `dt` seconds that end at `now`."""

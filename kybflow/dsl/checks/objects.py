@@ -239,9 +239,9 @@ def pushed_in_vain(case: Case) -> Iterator[Diagnostic]:
         weak: PartPlan | None = None
         for vehicle, state in case.states():
             part = state.behavior
-            surface, force = part.cls.pushes(part.params) or ("", 0.0)
+            surface, force = part.cls.pushes(part.params) or ("", None)
             face = _face(solids, surface, name)
-            if face is None:
+            if face is None or force is None:
                 continue
             along, weak = -force * dot(face.outward, axis), weak or part
             ahead[vehicle.name] = max(ahead.get(vehicle.name, 0.0), along)

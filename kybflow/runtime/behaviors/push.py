@@ -1,4 +1,4 @@
-"""Press against a surface of an object, square to it, with a constant force.
+"""Press against a surface of an object, square to it, with a constant or a shared force.
 
 The vehicle leans towards the surface: its tracker is given the acceleration F / m towards it as
 feed-forward, the surface's own velocity, and the velocity that leads back to the surface's middle,
@@ -10,9 +10,10 @@ With 420 g, 5 degrees are 0.36 N. If the object moves at `speed`, the force has 
 that a free object isn't chased. The force rises within half a second.
 
 It is done when the object is at the stop of its joint towards which it is pushed. It no longer
-presses and fails within 0.2 s when contact is broken or the object isn't seen, and after `patience`
-if the surface doesn't move. Enter it in contact, after `approach_contact`, whose touch peaks at
-about 0.7 N; it also fails if contact isn't seen within a second. World frame, SI.
+presses and fails within 0.2 s when contact is broken, the object isn't seen, or the coordinator no
+longer gives it a force, and with a `force` after `patience` if the surface doesn't move. Enter it
+in contact, after `approach_contact`, whose touch peaks at about 0.7 N; it also fails if contact
+isn't seen within a second. World frame, SI.
 
 Sources: static contact by feed-forward of force on a vehicle with a fast attitude loop, "Static
 equilibrium of unidirectional-thrust multirotors in contact", arXiv 2306.12167.
@@ -23,13 +24,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import tan
 
-from kybflow.core.geometry import Vec3, cross, distance, dot, rotate, sub
+from kybflow.core.geometry import Vec3, distance, dot, scale
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import FORCE, Duration, Force, Speed, format_quantity
 from kybflow.flight.contact import TouchSense
 from kybflow.parts import AIR, Behavior, Entry, Objection, param, params
 from kybflow.runtime.behaviors import _surface
-from kybflow.world.objects import Face, TurnJoint
+from kybflow.world.freedoms import freedoms_of
+from kybflow.world.objects import Face, Placement
 from kybflow.world.vehicle_context import VehicleContext
 
 _RISE_S = 0.5
@@ -39,12 +41,20 @@ _MOVED = 0.01
 """How far a surface has moved that moves, m."""
 _AT_STOP, _AT_TURNED_STOP = 0.01, 0.02
 """How near a stop of a slide, m, and of a turn, rad, counts as there."""
+_LEVER = 0.1
+"""The least part of a push along a joint, or its least arm, m, that moves the joint."""
+_UNGIVEN_S = 0.1
+"""How long after the entry the coordinator may give no force yet, s."""
 
 
 @params
 class PushBehaviorParams:
     surface: str = _surface.surface_param()
-    force: Force = param("Force against the surface.", default=0.25, above=0.0)
+    force: Force | None = param(
+        "Force against the surface; without it, the one that the coordinator of the vehicle's flow "
+        "gives it.",
+        default=None, above=0.0,
+    )  # fmt: skip
     speed: Speed = param(
         "Speed of the object at which the vehicle no longer presses.", default=0.2, above=0.02
     )
@@ -59,6 +69,7 @@ class PushBehavior(Behavior[PushBehaviorParams], flight=AIR >> AIR, emits=Setpoi
         super().__init__(params, entry)
         self._context = entry.context
         self._touch = TouchSense(entry.context.airframe.bumper or 0.0)
+        self._freedoms = freedoms_of(entry.context.objects, params.surface.partition(".")[0])
         self._touched = False
         self._place: Vec3 | None = None
         self._moved = 0.0
@@ -75,13 +86,18 @@ class PushBehavior(Behavior[PushBehaviorParams], flight=AIR >> AIR, emits=Setpoi
             gap = self._touch.gap(face, known.position)
             verb = "lost contact with" if self._touched else "doesn't touch"
             trouble = f"the vehicle {verb} `{p.surface}`, {gap:.3f} m away"
-        if trouble or self._is_stuck(face, tick.elapsed):
+        force = p.force if p.force is not None else tick.share
+        if force is None and tick.elapsed > _UNGIVEN_S:
+            trouble = trouble or "no coordinator gives it a force"
+        if trouble or (p.force is not None and self._is_stuck(face, tick.elapsed)):
             return Failed(rest, trouble or f"`{p.surface}` has not moved for {p.patience:g} s")
         if self._at_stop(face, tick):
             return Done(rest)
         ahead = -dot(face.velocity, face.outward)
         left = min(1.0, max(0.0, 2.0 - 2.0 * ahead / p.speed))
-        push = min(1.0, tick.elapsed / _RISE_S) * left * p.force / self._context.airframe.mass
+        push = (
+            min(1.0, tick.elapsed / _RISE_S) * left * (force or 0.0) / self._context.airframe.mass
+        )
         return _surface.facing(face, known.position, self._context, 0.0, push)
 
     def _is_stuck(self, face: Face, elapsed: float) -> bool:
@@ -91,21 +107,20 @@ class PushBehavior(Behavior[PushBehaviorParams], flight=AIR >> AIR, emits=Setpoi
         return elapsed - self._moved > self.params.patience
 
     def _at_stop(self, face: Face, tick: Tick) -> bool:
-        """Return whether the object is at the stop towards which it is pushed."""
-        name = self.params.surface.partition(".")[0]
-        one, seen = self._context.objects[name], tick.objects[name]
-        joint = one.joint
-        if joint is None:
-            return False
-        axis, near = rotate(seen.attitude, one.axis), _AT_STOP
-        if isinstance(joint, TurnJoint):
-            axis, near = cross(axis, sub(face.centre, seen.position)), _AT_TURNED_STOP
-        ahead = -dot(axis, face.outward) > 0.0
-        left = joint.high - seen.q if ahead else seen.q - joint.low
-        return left < near
+        """Return whether the object, or what it is on, is at the stop to which it is pushed."""
+        inwards = scale(face.outward, -1.0)
+        for free in self._freedoms:
+            seen = tick.objects.get(free.object)
+            if free.low is None or free.high is None or seen is None:
+                continue
+            lever = free.lever(Placement(seen.position, seen.attitude), face.centre, inwards)
+            left = free.high - seen.q if lever > 0.0 else seen.q - free.low
+            if left < (_AT_TURNED_STOP if free.turns else _AT_STOP) and abs(lever) > _LEVER:
+                return True
+        return False
 
     @classmethod
-    def pushes(cls, params: PushBehaviorParams) -> tuple[str, float]:
+    def pushes(cls, params: PushBehaviorParams) -> tuple[str, float | None]:
         return params.surface, params.force
 
     @classmethod
@@ -114,7 +129,7 @@ class PushBehavior(Behavior[PushBehaviorParams], flight=AIR >> AIR, emits=Setpoi
         yield from found
         frame = context.airframe
         most = frame.hover_thrust * tan(frame.tilt)
-        if params.force > most:
+        if params.force is not None and params.force > most:
             bound = format_quantity(most, FORCE)
             reason = f"is more than the {bound} of the largest tilt, m g tan(tilt)"
             yield Objection("force", reason, f"write at most `force: {bound}`")

@@ -16,16 +16,19 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from collections.abc import Set as AbstractSet
+from math import isfinite
 from typing import Any, NamedTuple
 
 from kybflow.core.errors import OptionRefused, described
 from kybflow.core.events import Custom
-from kybflow.core.signals import NS, Time
+from kybflow.core.signals import NO_OBJECTS, NS, SeenObjects, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.machine import Exit, FlowMachine
 from kybflow.dsl.plan import END, FlowPlan, PhasePlan, Plan
 from kybflow.flight.motion import Pace
+from kybflow.parts import Coordinator, TeamTick
 from kybflow.parts.events import (
+    CoordinatorChanged,
     DriverChanged,
     FlowEnded,
     FlowFailed,
@@ -65,6 +68,7 @@ class RunningFlow:
     turn: the vehicle whose turn it is.
     waiting: the vehicles that still wait for their turn.
     missed: the events of ticks in which the turn passed, to be handled later.
+    coordinator: that of the current phase, None without. coordinated: what it does.
     """
 
     def __init__(self, plan: FlowPlan, machine: FlowMachine) -> None:
@@ -75,6 +79,8 @@ class RunningFlow:
         self.turn = ""
         self.waiting: deque[str] = deque()
         self.missed: AbstractSet[str] = _NOTHING
+        self.coordinator: Coordinator[Any] | None = None
+        self.coordinated = ""
 
     @property
     def active(self) -> bool:
@@ -118,6 +124,7 @@ class RunningFlow:
         self.visits[-1] = self.visits[-1]._replace(end_s=rounded(now / NS), ended=how)
         self.waiting.clear()
         self.missed = _NOTHING
+        self.coordinator, self.coordinated = None, ""
 
     def wait(self, dt: float) -> None:
         """Stop the phase's time for a tick of `dt` seconds."""
@@ -134,7 +141,9 @@ class Flows:
         conditions: Conditions,
         events: Events,
         options: Options,
+        objects: SeenObjects = NO_OBJECTS,
     ) -> None:
+        self._objects = objects
         self._vehicles = {vehicle.name: vehicle for vehicle in vehicles}
         self._events, self._options = events, options
         self._flows = {flow.name: self._running(flow, conditions) for flow in plan.flows}
@@ -230,6 +239,8 @@ class Flows:
         phase = flow.phase
         if flow.unpaced:
             self._pace(flow)
+        if flow.coordinator is not None:
+            self._coordinate(flow, flow.coordinator, now, dt)
         if any(self._vehicles[v].requests.paused for v in self.driven(flow.plan.name)):
             flow.wait(dt)
             return
@@ -280,9 +291,33 @@ class Flows:
             for one, _ in paces:
                 one.keep(slowest)
 
+    def _coordinate(
+        self, flow: RunningFlow, coordinator: Coordinator[Any], now: Time, dt: float
+    ) -> None:
+        """Give each vehicle of the phase what its coordinator says, and report what that does."""
+        members = {name: self._vehicles[name] for name in flow.phase.run}
+        shares = coordinator.update(
+            TeamTick(now, dt, self._objects, {n: v.as_member() for n, v in members.items()})
+        )
+        for name, vehicle in members.items():
+            share = shares.values.get(name)
+            if share is not None and not isfinite(share):
+                raise ValueError(f"its coordinator gives `{name}` {share}")
+            vehicle.take_share(share)
+        if shares.state != flow.coordinated:
+            flow.coordinated = shares.state
+            self._events.emit(
+                CoordinatorChanged(flow=flow.plan.name, state=shares.state, reason=shares.reason),
+                at=flow.phase.at,
+            )
+
     def _enter(self, flow: RunningFlow) -> None:
         phase, name = flow.phase, flow.plan.name
         flow.arrived(self._events.now)
+        if phase.coordinator is not None:
+            part = phase.coordinator
+            team = {name: self._vehicles[name].context for name in phase.run}
+            flow.coordinator = part.cls(part.params, team)
         self._events.emit(PhaseStarted(flow=name, phase=phase.name), at=phase.at)
         given = [to for vehicle, to in phase.give.items() if self._give(flow, vehicle, to)]
         for other in dict.fromkeys(given):
@@ -333,6 +368,8 @@ class Flows:
 
     def _leave(self, flow: RunningFlow, reason: Exit) -> None:
         name, phase = flow.plan.name, flow.phase.name
+        for vehicle in flow.phase.run if flow.coordinator is not None else ():
+            self._vehicles[vehicle].take_share(None)
         flow.left(reason.how, self._events.now)
         self._events.emit(PhaseEnded(flow=name, phase=phase, how=reason.how), at=reason.at)
         if reason.transition is not None and reason.transition.emit is not None:

@@ -319,7 +319,8 @@ class Knowledge:
 
 class TickBuilder:
     """Builds the ticks and entries of one vehicle. fleet: the estimate of each vehicle in the
-    newest tick, None for a vehicle without an estimate."""
+    newest tick, None for a vehicle without an estimate. share: what the coordinator of the
+    vehicle's flow gives it."""
 
     def __init__(
         self,
@@ -333,6 +334,7 @@ class TickBuilder:
         objects: SeenObjects,
     ) -> None:
         self.fleet: dict[str, Estimate | None] = {}
+        self.share: float | None = None
         self._context, self._knowledge, self._control = context, knowledge, control
         self._link_out, self._inputs, self._moving = link_out, inputs, moving
         self._objects = objects
@@ -356,6 +358,7 @@ class TickBuilder:
                 self._link_out.sent,
                 frame.uncompared,
                 self._objects,
+                self.share,
             ),
         )  # fmt: skip
 

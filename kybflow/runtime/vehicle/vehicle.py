@@ -29,7 +29,7 @@ from kybflow.core.signals import (
 )
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import VehiclePlan
-from kybflow.parts import GROUND, Link
+from kybflow.parts import GROUND, Link, TeamMember
 from kybflow.runtime.events import Events, VehicleObserver
 from kybflow.runtime.fleet.broadcasts import Broadcasts
 from kybflow.runtime.making import make
@@ -254,6 +254,18 @@ class Vehicle:
         part, hold = self.runner.state.behavior, self.runner.hold
         for name in named_in(part.params, "input").values():
             yield name, self.runner.behavior.push if hold is None else None
+
+    def take_share(self, share: float | None) -> None:
+        """Take what the flow's coordinator gives this vehicle for the next tick."""
+        self._ticks.share = share
+
+    def as_member(self) -> TeamMember:
+        """Return the vehicle as its flow's coordinator sees it."""
+        behavior, runner = self.runner.behavior, self.runner
+        pushes = None
+        if runner.hold is None and runner.land_mode is None:
+            pushes, _ = behavior.pushes(behavior.params) or (None, None)
+        return TeamMember(self.estimate, pushes)
 
     def foreseen(self, fleet: dict[str, Estimate | None]) -> list[tuple[str, str, str]]:
         """Return (supervisor, reason, mission line) of each alarm that would end the mission at
