@@ -36,6 +36,7 @@ def tracked_objects(
 ) -> TrackedObjects:
     """Return the objects of a mission. streams: that of each object's poses, by name."""
     at_start = placements(objects, {})
+    coordinates: dict[str, dict[Time, float]] = {name: {} for name in objects}
 
     def placed(name: str) -> Placement:
         """Return the pose of an object, seen or at the start; a part follows what it is on."""
@@ -47,9 +48,15 @@ def tracked_objects(
         return one.placed(placed(one.on), 0.0)
 
     def observe(name: str, track: Track) -> SeenObject:
-        one, last = objects[name], track[-1]
+        one, last, known = objects[name], track[-1], coordinates[name]
         on = None if one.on is None else placed(one.on)
-        moved = [coordinate(one, on, Placement(pose.position, pose.attitude)) for pose in track]
+        found = {
+            pose.time: known[pose.time]
+            if pose.time in known
+            else coordinate(one, on, Placement(pose.position, pose.attitude))
+            for pose in track
+        }
+        coordinates[name], moved = found, [found[pose.time] for pose in track]
         q = moved[-1]
         if not isinstance(one.joint, SlideJoint):
             moved = [wrap(angle - q) for angle in moved]

@@ -57,6 +57,19 @@ def test_it_presses_as_hard_as_asked_and_no_harder_than_a_moving_object_needs() 
     assert moving.velocity == pytest.approx((0.2, 0.0, 0.0))
 
 
+def test_without_a_force_it_presses_as_the_coordinator_says_and_lets_go_without_one() -> None:
+    params = PushBehaviorParams(surface="block.back")
+    behavior = PushBehavior(params, entry(IN_TOUCH, context=CONTEXT))
+    for i in range(round(1.0 / DT)):
+        given = behavior.update(tick(i * DT, IN_TOUCH)._replace(share=0.1))
+    assert isinstance(given, Setpoint)
+    assert given.acceleration == pytest.approx((0.1 / MASS, 0.0, 0.0))
+    failed = behavior.update(tick(1.0, IN_TOUCH))
+    assert isinstance(failed, Failed)
+    assert failed.reason == "no coordinator gives it a force"
+    assert failed.setpoint.presses is None
+
+
 def test_it_goes_back_to_the_middle_of_the_surface() -> None:
     x, _, _ = IN_TOUCH
     given = pushing().update(tick(1.0, (x, 0.25, 0.96)))
@@ -86,7 +99,7 @@ def test_it_lets_go_when_the_object_is_not_seen_any_more() -> None:
 
 
 def test_it_fails_without_contact_and_without_an_object() -> None:
-    params = PushBehaviorParams(surface="block.back")
+    params = PushBehaviorParams(surface="block.back", force=0.25)
     behavior = PushBehavior(params, entry((0.0, 0.2, 1.0), context=CONTEXT))
     assert isinstance(behavior.update(tick(0.9, (0.0, 0.2, 1.0))), Setpoint)
     failed = behavior.update(tick(1.1, (0.0, 0.2, 1.0)))
@@ -99,7 +112,7 @@ def test_it_fails_without_contact_and_without_an_object() -> None:
 
 
 def test_it_fails_if_what_it_pushes_does_not_move() -> None:
-    params = PushBehaviorParams(surface="block.back", patience=3.0)
+    params = PushBehaviorParams(surface="block.back", force=0.25, patience=3.0)
     behavior = PushBehavior(params, entry(IN_TOUCH, context=CONTEXT))
     x, y, z = IN_TOUCH
     outputs = []
