@@ -1,9 +1,11 @@
-"""A vehicle with a bumper pushes a bar: what conditions and expectations read of the objects."""
+"""A vehicle with a bumper pushes a bar: what conditions and expectations read of the objects. One
+that flies into the bar stops before it, or collides."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from pushed_bar import MISSION
 from toolchain import compiled, with_library
 
@@ -39,3 +41,22 @@ def test_conditions_read_what_is_seen_and_expectations_the_truth(tmp_path: Path)
     noticed = next(e.time for e in told if e.name == "logged") / NS
     assert touched < turned[0] <= noticed + 0.05
     assert noticed - turned[0] < 0.1
+
+
+@pytest.mark.parametrize("guarded", [True, False])
+def test_what_flies_into_an_object_stops_before_it_or_collides(
+    tmp_path: Path, guarded: bool
+) -> None:
+    text = MISSION[: MISSION.index("      touch:")].replace("touch}", "ram}")
+    text += "      ram: {do: fly_to, position: [1.2, 0.45, 1], patience: 3 s, then: down}\n"
+    text += "      down: {do: land}\n"
+    if not guarded:
+        text = text.replace("    behaviors:\n", "    processors: []\n    behaviors:\n")
+    plan = compiled(with_library(tmp_path) / "ram.yaml", text, warns=True)
+    told: list[Event] = []
+    flown = fly(plan, RunRequest(seed=1, out=tmp_path / "run"), (told.append,))
+    names = [event.name for event in told]
+    assert ("clamp_started" in names) == guarded
+    assert ("collided" in names) == ("contact_began" in names) == (not guarded)
+    if not guarded:
+        assert "`v` ran into `bar`" in flown.summary["reason"]

@@ -57,7 +57,7 @@ def test_objects_on_a_circle_or_on_nothing_are_left_out():
 @pytest.mark.parametrize(
     ("point", "expected"),
     [
-        ((0.0, 0.0, 0.0), 0.0),
+        ((0.0, 0.0, 0.0), -0.05),
         ((0.05, 0.0, 0.3), 0.25),
         ((-0.25, 0.5, 0.1), 0.2),  # before the plate, which is 30 cm high
         ((0.05 + 0.3, -0.6 - 0.4, 0.0), 0.5),
