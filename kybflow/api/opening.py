@@ -155,7 +155,8 @@ def open_devices(plan: Plan, seed: int, again: Mapping[str, str] = NOTHING) -> D
             opens = partial(_stream, part, context._replace(vehicle=name), own)
             truth = truth_of(body) if isinstance(body, MovingSphere) else objects.truth_of(name)
             is_simulated = part.cls.simulated
-            stream = BodyStream(truth, opens) if is_simulated else opens(links[tracked])
+            faults = objects.faults.get(name)
+            stream = BodyStream(truth, opens, faults) if is_simulated else opens(links[tracked])
             devices.watching[name] = stream
         for plan_input in plan.inputs:
             devices.inputs[plan_input.name] = _input(plan_input, devices, again)

@@ -45,9 +45,10 @@ RESERVED = frozenset(
 Tightens = Literal["up", "down"]
 """The direction in which a safety parameter becomes stricter; for a choice, the direction along its
 list of words."""
-Named = Literal["vehicle", "estimator", "input", "group", "object"]
+Named = Literal["vehicle", "estimator", "input", "group", "object", "surface"]
 """What a text parameter may name: another vehicle, one of the vehicle's estimators, an input, the
-group of vehicles that fly the behavior together, or an object of the world."""
+group of vehicles that fly the behavior together, an object of the world, or a surface,
+`OBJECT.SURFACE`, that the behavior means to touch."""
 Room = Literal["across", "up", "floor"]
 """The extent of the fence with which a length is compared: its longest side, or its height. A
 `floor` is a height below which the behavior doesn't fly."""

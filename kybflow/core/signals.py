@@ -497,7 +497,8 @@ class Tick(NamedTuple):
     sent, None if it does. command: the one that was sent in the last tick. uncompared: for how long
     poses have come in this flight by which their frame could not be judged, s. objects: the objects
     of the world that motion capture tracks. share: what the coordinator of the vehicle's flow gave
-    it in the last tick, None without one.
+    it in the last tick, None without one. touches: the object that the vehicle's behavior means to
+    touch, empty for none.
     """
 
     now: Time
@@ -521,6 +522,7 @@ class Tick(NamedTuple):
     uncompared: float = 0.0
     objects: SeenObjects = NO_OBJECTS
     share: float | None = None
+    touches: str = ""
 
     @property
     def sound_estimate(self) -> Estimate | None:

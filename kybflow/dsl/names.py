@@ -186,11 +186,10 @@ class Scopes:
         obstacles = dict.fromkeys(plan.touchable, False) | dict.fromkeys(plan.kept_clear, True)
         objects = {
             name: ObjectNames(
-                [value for value, one in OBJECT_OBSERVABLES.items() if one.has(plan.objects[name])],
-                [surface.name for surface in plan.objects[name].surfaces],
+                [value for value, read in OBJECT_OBSERVABLES.items() if read.has(one)],
+                [surface.name for surface in one.surfaces],
             )
-            for name in plan.tracked
-            if name in plan.objects
+            for name, one in plan.objects.items()
         }
         self._known = (estimators, plan.points, groups, carriers, obstacles, objects)
         self._inputs = {use.name: use.axes for use in plan.inputs}

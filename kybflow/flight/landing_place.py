@@ -21,7 +21,7 @@ from typing import NamedTuple
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import NO_OBJECTS, Estimate, SeenObjects
 from kybflow.world.ground import STAND_HEIGHT
-from kybflow.world.objects import Placement, WorldObject, distance_to, placements
+from kybflow.world.objects import Placement, WorldObject, distance_to, place_of
 from kybflow.world.vehicle_context import LEGS, VehicleContext
 
 _MARGIN = 0.15
@@ -79,11 +79,9 @@ def _object_near(context: VehicleContext, here: Vec3, seen: SeenObjects) -> Belo
 
 
 def _placed(context: VehicleContext, seen: SeenObjects) -> Iterator[tuple[WorldObject, Placement]]:
-    """Yield the objects, each where it was seen last, or where it starts."""
-    for name, place in placements(context.objects, {}).items() if context.objects else ():
-        known = seen.get(name)
-        at = place if known is None else Placement(known.position, known.attitude)
-        yield context.objects[name], at
+    """Yield the objects, each where it was seen last, or at its start."""
+    for name, one in context.objects.items():
+        yield one, place_of(context.objects, seen, name)
 
 
 def _reach(context: VehicleContext) -> float:

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from kybflow.core.events import Emitting
 from kybflow.core.geometry import GRAVITY, ZERO, Vec3, add, distance, heading_of, scale
+from kybflow.core.params import names_in
 from kybflow.core.signals import (
     NO_INPUTS,
     Command,
@@ -264,6 +265,13 @@ class Behavior(Part[P]):
         """Return the surface, `OBJECT.SURFACE`, against which the behavior presses and its force,
         N, or None if a coordinator gives the force; None if it presses against nothing."""
         return None
+
+    @classmethod
+    def touches(cls, params: P) -> str:
+        """Return the object that the behavior means to touch, empty for none: that of the surface
+        which a parameter names. Guards don't keep the vehicle away from it, and touching it is no
+        collision."""
+        return next((path.partition(".")[0] for _, path in names_in(params, "surface")), "")
 
     @classmethod
     def objection(cls, params: P, entry: Entry) -> str | None:

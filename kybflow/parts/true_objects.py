@@ -7,16 +7,20 @@ from collections.abc import Callable, Mapping, Sequence
 from kybflow.core.geometry import ZERO, heading_of, rotate_back
 from kybflow.core.signals import Time, Truth
 from kybflow.parts.driver import Session
+from kybflow.parts.fault import ActiveFaults
 from kybflow.world.objects import ObjectState, Placement, WorldObject, placements
 
 
 class TrueObjects:
     """The true states of objects. Without a simulator in which they move, they stay where they
-    start."""
+    start. faults: those of every object that can have some, by name."""
 
     def __init__(self, objects: Mapping[str, WorldObject], sessions: Sequence[Session]) -> None:
         scenes = (session.scene for session in sessions if session.scene is not None)
         self._scene = next(scenes, None) if objects else None
+        self.faults: Mapping[str, ActiveFaults] = (
+            {} if self._scene is None else self._scene.faults()
+        )
         self._at_start = {
             name: ObjectState(place.position, place.attitude, ZERO, _coordinate(one, place), 0.0)
             for name, place in placements(objects, {}).items()

@@ -127,8 +127,7 @@ class Engine:
         self._publishing = tuple(vehicle for vehicle in self.vehicles if vehicle.publishes)
         links = {name: link for session in sessions for name, link in session.links.items()}
         active = {name: link.faults for name, link in links.items() if link.faults is not None}
-        scenes = [session.scene for session in sessions if session.scene is not None]
-        active |= {name: faults for scene in scenes for name, faults in scene.faults().items()}
+        active |= self.true_objects.faults
         self.injection = Injection(plan.faults, active, self._condition, events, seed)
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable, plan.objects)
         self._has_objects = bool(plan.objects)

@@ -20,7 +20,7 @@ from kybflow.parts.observables import NOTHING, ObjectView, ObstacleView, State, 
 from kybflow.parts.true_objects import TrueObjects
 from kybflow.runtime.fleet.inferred_contacts import InferredContacts, Touching
 from kybflow.runtime.fleet.tracked_bodies import UNSEEN_NS
-from kybflow.world.objects import WorldObject
+from kybflow.world.objects import WorldObject, seen_object
 from kybflow.world.shapes import Sphere
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ class BelievedView:
         return self._objects.inferred.touching.get(self._vehicle.name)
 
     def object(self, name: str) -> ObjectView:
-        seen = self._objects.seen.get(name)
+        seen = seen_object(self._objects.made, self._objects.seen, name)
         if seen is None or self._vehicle.now - seen.time > UNSEEN_NS:
             raise Unavailable
         return seen

@@ -18,7 +18,7 @@ from kybflow.core.geometry import LEVEL, ZERO, Vec3, add, integrate, scale, sub
 from kybflow.core.params import param, params
 from kybflow.core.signals import NS, Command, Measurement, Pose, Time, Truth
 from kybflow.core.units import DEG, Angle, Duration, Frequency, Length
-from kybflow.parts import Link, Sensor, Stream
+from kybflow.parts import ActiveFaults, Link, Sensor, Stream
 from kybflow.parts.link import truth_source
 from kybflow.world.shapes import MovingSphere
 from kybflow.world.vehicle_context import VehicleContext
@@ -124,10 +124,16 @@ _SEARCH_STEP_S = 1e-3
 
 class BodyStream(Stream):
     """Measurements of a body that is no vehicle by a simulated sensor. truth: returns its true
-    state at a time. open: opens the sensor on the body's link."""
+    state at a time. open: opens the sensor on the body's link. faults: those of the body."""
 
-    def __init__(self, truth: Callable[[Time], Truth], open: Callable[[Link], Stream]) -> None:
+    def __init__(
+        self,
+        truth: Callable[[Time], Truth],
+        open: Callable[[Link], Stream],
+        faults: ActiveFaults | None = None,
+    ) -> None:
         self._body = _Body(truth)
+        self._body.faults = faults
         self._stream = open(self._body)
 
     def read(self, now: Time) -> Sequence[Measurement]:

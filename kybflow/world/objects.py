@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import product
-from math import atan2, cos, inf, sin, sqrt
+from math import atan2, cos, sin
 from typing import Annotated, NamedTuple
 
 from kybflow.core.geometry import (
@@ -41,7 +41,7 @@ from kybflow.core.geometry import (
     wrap,
 )
 from kybflow.core.params import key, record
-from kybflow.core.signals import SeenObjects
+from kybflow.core.signals import SeenObject, SeenObjects
 from kybflow.core.units import (
     NUMBER,
     Angle,
@@ -51,6 +51,7 @@ from kybflow.core.units import (
     Torque,
     Viscosity,
 )
+from kybflow.world.shapes import Box
 
 PLATE = 0.01
 """Thickness of a surface's plate, m."""
@@ -244,15 +245,40 @@ def corners(one: WorldObject, place: Placement) -> Iterator[Vec3]:
             yield add(place.position, rotate(place.attitude, inside))
 
 
-def distance_to(one: WorldObject, place: Placement, p: Vec3) -> float:
-    """Return the distance (m) of a point from an object; zero inside."""
-    seen = rotate_back(place.attitude, sub(p, place.position))
-    found = inf
+class TurnedBox(NamedTuple):
+    """A box in the world that may be turned. centre, attitude: of its axes. half: half of its size
+    along them."""
+
+    centre: Vec3
+    attitude: Quat
+    half: Vec3
+
+    def distance(self, p: Vec3) -> float:
+        """Return the distance from the surface to `p`; negative inside."""
+        return self._box.distance(self._inside(p))
+
+    def outward(self, p: Vec3) -> Vec3:
+        """Return the outward direction of the box at `p`."""
+        return rotate(self.attitude, self._box.outward(self._inside(p)))
+
+    @property
+    def _box(self) -> Box:
+        return Box(scale(self.half, -1.0), self.half)
+
+    def _inside(self, p: Vec3) -> Vec3:
+        return rotate_back(self.attitude, sub(p, self.centre))
+
+
+def solids_of(one: WorldObject, place: Placement) -> Iterator[TurnedBox]:
+    """Yield the box and the plates of an object in the world."""
     for centre, attitude, half in boxes_of(one):
-        inside = rotate_back(attitude, sub(seen, centre))
-        beyond = (max(abs(a) - h, 0.0) for a, h in zip(inside, half, strict=True))
-        found = min(found, sqrt(sum(b * b for b in beyond)))
-    return found
+        at = add(place.position, rotate(place.attitude, centre))
+        yield TurnedBox(at, multiply(place.attitude, attitude), half)
+
+
+def distance_to(one: WorldObject, place: Placement, p: Vec3) -> float:
+    """Return the distance (m) of a point from an object; negative inside."""
+    return min(box.distance(p) for box in solids_of(one, place))
 
 
 class Face(NamedTuple):
@@ -297,16 +323,54 @@ def turning_of(one: WorldObject, attitude: Quat, speed: float) -> Vec3:
     return scale(rotate(attitude, one.axis), speed) if isinstance(one.joint, TurnJoint) else ZERO
 
 
+def mover_of(objects: Mapping[str, WorldObject], name: str) -> WorldObject:
+    """Return the object that an object is a part of, itself if it moves by itself."""
+    one = objects[name]
+    return one if one.moves or one.on is None else mover_of(objects, one.on)
+
+
+def base_of(objects: Mapping[str, WorldObject], name: str) -> str:
+    """Return the object of the world that an object is on, directly or through others."""
+    below = objects[name].on
+    return name if below is None else base_of(objects, below)
+
+
+def place_of(objects: Mapping[str, WorldObject], seen: SeenObjects, name: str) -> Placement:
+    """Return where an object was seen last. One that has not been seen is at its start on what
+    it is on, and a part is where that is."""
+    one, known = objects[name], seen.get(name)
+    if known is not None:
+        return Placement(known.position, known.attitude)
+    below = WORLD if one.on is None else place_of(objects, seen, one.on)
+    return one.placed(below, 0.0 if one.joint is None else one.joint.start)
+
+
+def seen_object(
+    objects: Mapping[str, WorldObject], seen: SeenObjects, name: str
+) -> SeenObject | None:
+    """Return what was last seen of an object, None if nothing. A part is seen by what moves it."""
+    mover = mover_of(objects, name)
+    known = seen.get(mover.name)
+    if known is None or mover.name == name:
+        return known
+    position, attitude = place_of(objects, seen, name)
+    turning = turning_of(mover, known.attitude, known.speed)
+    velocity = add(known.velocity, cross(turning, sub(position, known.position)))
+    return known._replace(
+        position=position, attitude=attitude, velocity=velocity, q=heading_of(attitude)
+    )
+
+
 def seen_face(objects: Mapping[str, WorldObject], seen: SeenObjects, path: str) -> Face | None:
     """Return the surface `OBJECT.SURFACE` as it was last seen, None if its object has not been.
     Raises KeyError if there is no such surface."""
     name, _, label = path.partition(".")
-    one = objects[name]
-    surface = one.surface(label)
+    surface, known = objects[name].surface(label), seen_object(objects, seen, name)
     if surface is None:
         raise KeyError(path)
-    if name not in seen:
+    if known is None:
         return None
-    _, position, attitude, velocity, _, speed = seen[name]
-    turning = turning_of(one, attitude, speed)
-    return face_of(surface, Placement(position, attitude), velocity, turning)
+    mover = mover_of(objects, name)
+    turning = turning_of(mover, known.attitude, known.speed)
+    place = Placement(known.position, known.attitude)
+    return face_of(surface, place, known.velocity, turning)

@@ -1,4 +1,4 @@
-"""The way round objects: never nearer than asked, inside the fence, and straight where it can be."""
+"""The way round objects: never nearer than asked, inside the fence, straight if possible."""
 
 from __future__ import annotations
 

@@ -46,6 +46,19 @@ def test_it_lets_go_in_a_fifth_of_a_second_when_somebody_takes_the_cart_away(tmp
     assert [e.fields["behavior"] for e in told if e.name == "behavior_started"][-1] == "landed"
 
 
+def test_it_lets_go_of_a_cart_that_motion_capture_loses(tmp_path) -> None:
+    lost = "{when: cart.position > 30 cm, on: drone, inject: mocap_dropout, object: cart, for: 1 s}"
+    told, _ = flown(f"{TEXT}faults:\n  - {lost}\n", tmp_path)
+    [began], [ended] = times(told, "fault_injected"), times(told, "fault_ended")
+    [failed] = [e for e in told if e.name == "behavior_failed"]
+    assert "`cart` was last seen 0.2 s ago" in failed.fields["reason"]
+    assert failed.time / NS < began + 0.25
+    assert times(told, "object_lost", object="cart") == [pytest.approx(began + 0.5, abs=0.05)]
+    assert times(told, "object_found", object="cart") == [pytest.approx(ended, abs=0.05)]
+    assert not times(told, "collided")
+    assert times(told, "landed")
+
+
 def test_the_failsafe_lands_beside_what_the_vehicle_pushes(tmp_path) -> None:
     stuck = TEXT.replace("friction: 0.3 N", "friction: 3 N").replace(
         "vehicles:", "time_limit: 20 s\nvehicles:"

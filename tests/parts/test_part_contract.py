@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from part_bench import DT, INPUTS, SITE, at_rest, entry, estimate, seen_block
+from part_bench import DT, INPUTS, SITE, WITH_BLOCK, at_rest, entry, estimate, seen_block
 
 from kybflow.core.events import Emitting
 from kybflow.core.files import File
@@ -180,7 +180,7 @@ def test_no_part_imports_anything_heavy() -> None:
 def begun(spec: PartSpec) -> Any:
     flight = spec.cls.flight[0].start
     where = (0.0, 0.0, 0.0) if flight is GROUND else START
-    return spec.cls(minimal(spec), entry(where, flight=flight))
+    return spec.cls(minimal(spec), entry(where, flight=flight, context=WITH_BLOCK))
 
 
 @pytest.mark.parametrize("spec", specs("behaviors"))

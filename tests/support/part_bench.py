@@ -36,7 +36,8 @@ FENCE = Box((-3.0, -3.0, 0.0), (3.0, 3.0, 2.5))
 RAIL = SlideJoint((1.0, 0.0, 0.0), low=0.0, high=1.0)
 BACK = ObjectSurface("back", (-0.1, 0.0, 0.0), (-1.0, 0.0, 0.0), width=0.5, height=0.3)
 BLOCK = WorldObject("block", (1.0, 0.2, 1.0), (0.2, 0.2, 0.2), 1.0, joint=RAIL, surfaces=(BACK,))
-SITE = VehicleContext("nano", AIRFRAME, ZERO, 0.0, FENCE, DT, objects={"block": BLOCK})
+SITE = VehicleContext("nano", AIRFRAME, ZERO, 0.0, FENCE, DT)
+WITH_BLOCK = SITE._replace(objects={"block": BLOCK})
 CENTRED = InputReading(0, dict.fromkeys(AXES, 0.0))
 INPUTS = {"a": CENTRED}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+
 from kybflow.core.geometry import GRAVITY, LEVEL
 from kybflow.world.freedoms import freedoms_of
 from kybflow.world.objects import (

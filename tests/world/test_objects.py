@@ -7,6 +7,7 @@ from math import cos, pi, sin
 import pytest
 
 from kybflow.core.geometry import from_heading, heading_of
+from kybflow.core.signals import SeenObject
 from kybflow.world.objects import (
     WORLD,
     ObjectSurface,
@@ -18,6 +19,8 @@ from kybflow.world.objects import (
     distance_to,
     in_order,
     placements,
+    seen_face,
+    seen_object,
 )
 
 CAR = WorldObject(
@@ -47,6 +50,27 @@ def test_a_joint_s_direction_turns_with_its_object():
     assert heading_of(at.attitude) == pytest.approx(0.6)
 
 
+def test_a_part_is_seen_by_what_it_is_a_part_of():
+    plate = WorldObject("plate", (0.0, 0.6, 0.0), (0.1, 0.1, 0.1), 0.1, on="bar")
+    knob = WorldObject(
+        "knob", (0.0, 0.4, 0.0), (0.1, 0.1, 0.1), 0.1, on="plate",
+        surfaces=(ObjectSurface("front", (-0.1, 0.0, 0.0), (-1.0, 0.0, 0.0), 0.2, 0.2),),
+    )  # fmt: skip
+    every = {**EVERY, "plate": plate, "knob": knob}
+    bar = SeenObject(7, (5.0, 1.0, 1.0), from_heading(pi / 2), (0.2, 0.0, 0.0), pi / 2, 0.5)
+    assert seen_object(every, {"bar": bar}, "bar") is bar
+    seen = seen_object(every, {"bar": bar}, "knob")
+    assert seen is not None
+    assert seen.time == 7
+    assert seen.position == pytest.approx((4.0, 1.0, 1.0))
+    assert seen.velocity == pytest.approx((0.2, -0.5, 0.0))  # 0.5 rad/s at 1 m
+    face = seen_face(every, {"bar": bar}, "knob.front")
+    assert face is not None
+    assert face.centre == pytest.approx((4.0, 0.9, 1.0))
+    assert face.velocity == pytest.approx((0.25, -0.5, 0.0))
+    assert seen_object(every, {}, "knob") is None
+
+
 def test_objects_on_a_circle_or_on_nothing_are_left_out():
     lost = WorldObject("lost", (0.0,) * 3, (1.0,) * 3, 1.0, on="nowhere")
     round_a = WorldObject("a", (0.0,) * 3, (1.0,) * 3, 1.0, on="b")
@@ -57,7 +81,7 @@ def test_objects_on_a_circle_or_on_nothing_are_left_out():
 @pytest.mark.parametrize(
     ("point", "expected"),
     [
-        ((0.0, 0.0, 0.0), 0.0),
+        ((0.0, 0.0, 0.0), -0.05),
         ((0.05, 0.0, 0.3), 0.25),
         ((-0.25, 0.5, 0.1), 0.2),  # before the plate, which is 30 cm high
         ((0.05 + 0.3, -0.6 - 0.4, 0.0), 0.5),

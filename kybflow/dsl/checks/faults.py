@@ -52,7 +52,7 @@ def not_simulated(case: Case) -> Iterator[Diagnostic]:
             if vehicle is None or vehicle.driver.cls.simulated:
                 continue
             shows = vehicle.driver.cls.shows(vehicle.driver.params)
-            if shows and fault.part.cls.ours:
+            if shows and fault.part.cls.ours and not any(_named(fault, "object")):
                 continue
             where = "no simulation"
             if shows:
@@ -142,7 +142,7 @@ def of_no_effect(case: Case) -> Iterator[Diagnostic]:
                     label="none follows it or flies with it",
                     help="remove the fault",
                 )
-        if vehicle is None or kind is None:
+        if vehicle is None or kind is None or any(_named(fault, "object")):
             continue
         parts = [use.part for use in vehicle.estimators]
         if any(kind in part.cls.uses(part.params) for part in parts):

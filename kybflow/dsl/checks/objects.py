@@ -1,30 +1,42 @@
 """Objects of the world: their joints, where they are, and the simulators that move them: KYB580 to
-KYB587."""
+KYB587 and KYB594."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise, product
+from math import ceil, inf, prod
 from typing import NamedTuple
 
-from kybflow.core.geometry import Vec3, add, dot, rotate, scale
+from kybflow.core.geometry import UP, ZERO, Vec3, add, distance, dot, rotate, scale, sub
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import ANGLE, FORCE, LENGTH, format_quantity
 from kybflow.dsl.checks.case import Case, taken_names
-from kybflow.dsl.checks.obstacles import is_vertical, nearest, path_of, room_needed
+from kybflow.dsl.checks.obstacles import (
+    is_vertical,
+    keepers,
+    nearest,
+    out_of_reach,
+    path_of,
+    room_needed,
+)
 from kybflow.dsl.checks.space import aim_of, footprints, shown_point, values_of
 from kybflow.dsl.diagnostics import Diagnostic, Severity
-from kybflow.dsl.plan import PartPlan
+from kybflow.dsl.plan import PartPlan, StatePlan
 from kybflow.dsl.world import ObjectParams
 from kybflow.world.objects import (
     Face,
     Placement,
     SlideJoint,
+    TurnedBox,
     TurnJoint,
     WorldObject,
+    base_of,
     corners,
     distance_to,
     face_of,
     placements,
+    solids_of,
 )
 from kybflow.world.vehicle_context import LEGS
 
@@ -34,6 +46,9 @@ off."""
 _DEPTH = 1e-6
 _BEFORE = 0.02
 """Distance (m) before a surface that must be free."""
+_GAP, _MOST_PLACES, _STEP = 0.05, 600, 0.01
+"""How far apart, m, the places are at which an object is looked at along its joints, unless there
+would be more than so many; and the least step along a path, m."""
 _DROP = 0.15
 """How far an object may fall at the start, m: heights are estimated, and the floor is not at
 zero."""
@@ -172,29 +187,130 @@ def _solids(case: Case) -> Iterator[_Solid]:
     yield from (_Solid(plan.objects[one.name], places[one.name]) for one in plan.world.objects)
 
 
+class _Range:
+    """Where the joints of an object, and of what it is on, can take it. boxes: its boxes in many
+    places, of which one is within `slack` (m) of any that it can be in."""
+
+    def __init__(self, boxes: Sequence[TurnedBox], slack: float) -> None:
+        import numpy as np
+
+        axes = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), UP
+        self._centres = np.array([box.centre for box in boxes])
+        self._axes = np.array([[rotate(box.attitude, axis) for axis in axes] for box in boxes])
+        self._halves, self.slack = np.array([box.half for box in boxes]), slack
+
+    def distance(self, p: Vec3) -> float:
+        """Return the distance from the nearest surface to `p`; negative inside."""
+        import numpy as np
+
+        inside = np.einsum("nij,nj->ni", self._axes, np.array(p) - self._centres)
+        beyond = np.abs(inside) - self._halves
+        rooms = np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0)
+        return float(rooms.min()) - self.slack
+
+    def nearest(self, path: tuple[Vec3, ...], enough: float) -> tuple[float, Vec3]:
+        """Return the least distance of a path, and where it occurs, to within a centimetre. Where
+        it is more than `enough`, the path is not examined closely."""
+        found = [(self.distance(p), p) for p in path]
+        for a, b in pairwise(path):
+            length, gone = distance(a, b), 0.0
+            while gone < length:
+                point = add(a, scale(sub(b, a), gone / length))
+                found.append((self.distance(point), point))
+                gone += max(found[-1][0] - enough, _STEP)
+        return min(found, default=(inf, ZERO))
+
+
+def _ranges(case: Case) -> Iterator[_Range]:
+    """Yield where each object can be; one that is free stays where it is declared."""
+    objects, solids = case.plan.objects, case.cached(_solids)
+    pivots = {made.name: place.position for made, place in solids}
+    for made, place in solids:
+        joints, travels, below = {}, list[float](), made.name
+        while below:
+            joint = objects[below].joint
+            if joint is not None:
+                arm = max(distance(corner, pivots[below]) for corner in corners(made, place))
+                share = arm if isinstance(joint, TurnJoint) else 1.0
+                travels.append((joint.high - joint.low) * share)
+                joints[below] = joint
+            below = objects[below].on or ""
+        gap = _GAP
+        while prod(counts := [ceil(travel / gap) + 1 for travel in travels]) > _MOST_PLACES:
+            gap *= 2.0
+        steps = (
+            [joint.low + (joint.high - joint.low) * i / (n - 1) for i in range(n)]
+            for joint, n in zip(joints.values(), counts, strict=True)
+        )
+        every = (placements(objects, dict(zip(joints, q, strict=True))) for q in product(*steps))
+        boxes = [box for places in every for box in solids_of(made, places[made.name])]
+        yield _Range(boxes, 0.5 * gap * len(joints))
+
+
 def flies_into_an_object(case: Case) -> Iterator[Diagnostic]:
-    """KYB585: a behavior flies a vehicle without a bumper into an object that stays where the
-    mission declares it (a warning). No processor keeps away from objects."""
+    """KYB585: a behavior flies its vehicle into an object, where the mission declares it or where
+    its joint can take it (a warning).
+
+    The vehicle's arms, or its bumper, must keep clear. An object that the behavior means to touch
+    doesn't count, nor does what is joined with it.
+    """
     solids = case.cached(_solids)
     for vehicle, state, entry, footprint in case.cached(footprints) if solids else ():
-        path, arm = path_of(footprint), vehicle.airframe.arm - _DEPTH
-        for solid in solids if vehicle.airframe.bumper is None else ():
-            room, point = nearest(path, solid, arm)
-            if room >= arm or (entry is not None and solid.distance(entry) < arm):
+        path = path_of(footprint)
+        reach = (vehicle.airframe.bumper or vehicle.airframe.arm) - _DEPTH
+        for solid, swept in zip(solids, case.cached(_ranges), strict=True):
+            near = entry is not None and swept.nearest((entry,), reach)[0] < reach
+            if near or _is_meant(case, state, solid):
                 continue
-            if is_vertical(state) and room > 0.0:
-                continue  # it may stand on the object
-            name = solid.made.name
+            name, verb, least = solid.made.name, "flies", 0.0
+            room, point = nearest(path, solid, reach)
+            if room >= reach:
+                verb, least = "may fly", -swept.slack
+                room, point = swept.nearest(path, reach)
+            if room >= reach or (is_vertical(state) and room > least):  # it may stand on the object
+                continue
             yield Diagnostic(
                 "KYB585",
-                f"`{state.name}` ({state.behavior.name}) flies into the object `{name}`",
+                f"`{state.name}` ({state.behavior.name}) {verb} into the object `{name}`",
                 aim_of(state, footprint),
-                label=f"at {shown_point(point)}, {room_needed(vehicle, room)}",
-                help=f"fly around `{name}`, or give the airframe a `bumper` if it is to push it",
+                label=f"at {shown_point(point)}, {room_needed(vehicle, round(room, 2), reach)}",
+                notes=() if verb == "flies" else (f"its joints can take `{name}` there",),
+                help=f"fly around `{name}`",
                 severity=Severity.WARNING,
                 related=values_of(state.behavior),
             )
             break
+
+
+def stops_before_an_object(case: Case) -> Iterator[Diagnostic]:
+    """KYB594: a behavior waits until the vehicle reaches a place that is so near to an object,
+    where the mission declares it, that a processor stops the vehicle before it (a warning)."""
+    solids = case.cached(_solids)
+    guards = keepers(case) if solids else {}
+    for vehicle, state, _, footprint in case.cached(footprints) if solids else ():
+        for part, keep in () if is_vertical(state) else guards.get(vehicle.name, ()):
+            others = {s.made.name: s for s in solids if not _is_meant(case, state, s)}
+            found = out_of_reach(footprint, keep, others)
+            if found is None or found.room < (vehicle.airframe.bumper or vehicle.airframe.arm):
+                continue  # reported as KYB585
+            yield Diagnostic(
+                "KYB594",
+                f"`{part.alias}` stops `{vehicle.name}` before the goal of `{state.name}`",
+                aim_of(state, footprint),
+                label=f"{format_quantity(found.room, LENGTH)} from the object `{found.obstacle}`",
+                notes=(f"`{part.alias}` keeps {format_quantity(keep, LENGTH)} away",),
+                help="move the goal further away, or touch the object with `approach_contact`",
+                severity=Severity.WARNING,
+                related=values_of(state.behavior),
+            )
+            break
+
+
+def _is_meant(case: Case, state: StatePlan, solid: _Solid) -> bool:
+    """Return whether a behavior means to touch an object, or what is joined with it."""
+    objects, part = case.plan.objects, state.behavior
+    meant = part.cls.touches(part.params)
+    return meant in objects and base_of(objects, meant) == base_of(objects, solid.made.name)
 
 
 def hangs_in_the_air(case: Case) -> Iterator[Diagnostic]:

@@ -192,12 +192,12 @@ def kept_from_goals(case: Case) -> Iterator[Diagnostic]:
     Processors that the mission switches or retunes in flight are not checked.
     """
     obstacles = _kept_from(case)
-    keepers = _keepers(case) if obstacles else {}
+    guards = keepers(case) if obstacles else {}
     for vehicle, state, _, footprint in case.cached(footprints) if obstacles else ():
         if not footprint.goals or is_vertical(state):
             continue
-        for part, keep in keepers.get(vehicle.name, ()):
-            found = _out_of_reach(footprint, keep, obstacles)
+        for part, keep in guards.get(vehicle.name, ()):
+            found = out_of_reach(footprint, keep, obstacles)
             if found is None or found.room < vehicle.airframe.arm - _ROUNDING:
                 continue  # reported as KYB341
             where = f"{shown_point(found.goal)} is {format_quantity(found.room, LENGTH)}"
@@ -225,8 +225,8 @@ class _OutOfReach(NamedTuple):
     obstacle: str
 
 
-def _out_of_reach(
-    footprint: Footprint, keep: float, obstacles: Mapping[str, Shape]
+def out_of_reach(
+    footprint: Footprint, keep: float, obstacles: Mapping[str, _Solid]
 ) -> _OutOfReach | None:
     """Return the first goal that is unreachable for a vehicle kept `keep` metres away from
     obstacles, or None."""
@@ -238,7 +238,7 @@ def _out_of_reach(
     return None
 
 
-def _keepers(case: Case) -> Mapping[str, Sequence[tuple[PartPlan, float]]]:
+def keepers(case: Case) -> Mapping[str, Sequence[tuple[PartPlan, float]]]:
     """Return for each vehicle its processors that always keep it away from obstacles, each with the
     distance that it keeps, m."""
     switched = [*actions_of(case, "enable"), *actions_of(case, "disable")]

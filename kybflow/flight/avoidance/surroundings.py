@@ -1,19 +1,22 @@
-"""Finds what is near a vehicle: its obstacles (`Obstacles`), each with its
+"""Finds what is near a vehicle: its obstacles (`Obstacles`) and the world's objects, each with its
 distance and the direction away from it.
 
 The caller (`steer`, the processors) decides how near counts; a formation uses what vehicles publish
 instead. A distant obstacle is checked again when it could have come near at 20 m/s, and after 0.1 s
 at the latest. A hidden obstacle that moved away when it was last seen is believed to move away for
-0.2 s. Metres, world frame.
+0.2 s. An object is where it was seen last, or at its start; while it is hidden it grows as moving
+obstacles do, by its speed. Metres, world frame.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from math import inf
 from typing import NamedTuple
 
 from kybflow.core.geometry import UP, ZERO, Vec3, distance, dot, norm, scale, sub
 from kybflow.core.signals import NS, Estimate, SeenObstacle, Tick, Time
+from kybflow.world.objects import base_of, place_of, seen_object, solids_of
 from kybflow.world.shapes import Shape, around
 from kybflow.world.vehicle_context import VehicleContext, hull_of
 
@@ -108,6 +111,8 @@ class Nearby:
     def __init__(self, context: VehicleContext, others: Iterable[str] | None = None) -> None:
         self._obstacles = Obstacles(context)
         self._solids = tuple(self._obstacles.solids.items())
+        self._objects = context.objects
+        self._bases = [(name, base_of(context.objects, name)) for name in context.objects]
         self._moves = bool(context.moving)
         self.count(others)
 
@@ -121,7 +126,7 @@ class Nearby:
     @property
     def is_empty(self) -> bool:
         """Whether nothing can ever be near."""
-        return not (self._solids or self._vehicles or self._moves)
+        return not (self._solids or self._vehicles or self._moves or self._objects)
 
     def near(
         self,
@@ -137,6 +142,8 @@ class Nearby:
         known, slack = also or SecondPoint(point, 0.0)
         if self._solids:
             yield from self._standing(point, reach_of(speed), tick.now, known, slack)
+        if self._objects:
+            yield from self._touchable(point, speed, tick, reach_of, known, slack)
         now, later = tick.now, self._later
         for name, seen, is_vehicle in self._moving(tick):
             apart = distance(point, seen.position)
@@ -161,6 +168,32 @@ class Nearby:
                 vehicle = self._obstacles.vehicle(name, known, now)
                 if vehicle is not None:
                     yield name, vehicle, known is not None
+
+    def _touchable(
+        self, point: Vec3, speed: float, tick: Tick, reach_of: Reach, known: Vec3, slack: float
+    ) -> Iterator[Hazard]:
+        """Yield the objects, as `near` does, except for what is joined with the object that the
+        vehicle's behavior means to touch."""
+        now, later, objects = tick.now, self._later, self._objects
+        meant = base_of(objects, tick.touches) if tick.touches else None
+        for name, base in self._bases:
+            if base == meant or now < later.get(name, 0):
+                continue
+            seen, velocity, hidden_s = seen_object(objects, tick.objects, name), ZERO, 0.0
+            if seen is not None:
+                velocity, hidden_s = seen.velocity, min((now - seen.time) / NS, GROWTH_S)
+            growth = norm(velocity) * hidden_s
+            if hidden_s > _RETREAT_NS / NS:
+                velocity = ZERO
+            reach, nearest = reach_of(speed + norm(velocity)), inf
+            for box in solids_of(objects[name], place_of(objects, tick.objects, name)):
+                room, there = box.distance(point), box.distance(known) + slack
+                place, room = (known, there) if there < room else (point, room)
+                nearest = min(nearest, room - growth)
+                if room - growth <= reach:
+                    yield Hazard(name, room - growth, box.outward(place), velocity)
+            if nearest > reach:
+                later[name] = now + _until(nearest - reach)
 
     def _standing(
         self, point: Vec3, reach: float, now: Time, known: Vec3, slack: float

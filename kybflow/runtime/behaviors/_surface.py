@@ -25,8 +25,9 @@ BACK_RATE, _BACK_SPEED = 1.5, 0.15
 
 def surface_param() -> Any:
     return param(
-        "The surface, as `OBJECT.SURFACE`, of an object of the world that moves.", read_only=True
-    )
+        "The surface, as `OBJECT.SURFACE`, of an object of the world that moves.",
+        names="surface", read_only=True,
+    )  # fmt: skip
 
 
 def objections(surface: str, context: VehicleContext) -> Iterator[Objection]:

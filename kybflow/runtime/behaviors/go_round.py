@@ -7,8 +7,8 @@ each corner and turns towards the surface on the way. It is done at `distance` i
 surface; `approach_contact` goes on from there. Let go of a surface before.
 
 To also keep away from other vehicles and obstacles, the vehicle needs the processor
-`avoid_obstacles`. Refuses to start if the fence leaves no way; fails if the object isn't seen. World
-frame, metres.
+`avoid_obstacles`. Fails if the object isn't seen, or if the fence leaves no way. World frame,
+metres.
 """
 
 from __future__ import annotations

@@ -7,9 +7,10 @@ Listeners such as a recording receive these events; vehicles, flows and callback
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from contextlib import suppress
 from functools import partial
+from types import MappingProxyType
 
 from kybflow.core.geometry import Vec3, distance, norm
 from kybflow.core.signals import NS, PayloadState, Time
@@ -29,6 +30,7 @@ from kybflow.runtime.conditions import value_of
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.inferred_contacts import Touching
 from kybflow.runtime.vehicle.vehicle import Vehicle
+from kybflow.world.objects import WorldObject, mover_of
 from kybflow.world.shapes import Box
 
 HARD_TOUCH_DOWN = 1.5
@@ -49,8 +51,8 @@ class Impacts:
 
     If a vehicle that may touch down touches a surface that can carry it, it touches down there.
     Every other touch is a collision, even with the floor, unless the mission allows it
-    (`touchable`), or a vehicle with a bumper touches one of the `objects`. The speed of a landing
-    is that in the tick before the touch.
+    (`touchable`), or the vehicle's behavior means to touch that one of the `objects`. The speed of
+    a landing is that in the tick before the touch.
     """
 
     def __init__(
@@ -59,7 +61,7 @@ class Impacts:
         links: Mapping[str, Link],
         events: Events,
         touchable: Set[str] = frozenset(),
-        objects: Collection[str] = (),
+        objects: Mapping[str, WorldObject] = MappingProxyType({}),
     ) -> None:
         self.first: str | None = None
         self._events, self._touchable, self._objects = events, touchable, objects
@@ -70,8 +72,7 @@ class Impacts:
 
     def _touched(self, vehicle: Vehicle, touch: Touch) -> None:
         name, into = vehicle.name, touch.into
-        has_bumper = vehicle.plan.airframe.bumper is not None
-        if into in self._touchable or (has_bumper and into in self._objects):
+        if into in self._touchable or self._is_meant(vehicle, into):
             return
         if not (touch.carries and vehicle.may_touch_down):
             self.first = self.first or f"`{name}` ran into `{into}`"
@@ -82,6 +83,14 @@ class Impacts:
         if speed > HARD_TOUCH_DOWN:
             self.first = self.first or f"`{name}` landed hard ({speed:.2f} m/s) on `{into}`"
             self._events.emit(LandedHard(onto=into, speed=speed), name)
+
+    def _is_meant(self, vehicle: Vehicle, into: str) -> bool:
+        """Return whether a vehicle's behavior means to touch this, or an object of which it is a
+        part, or that is a part of it."""
+        objects = self._objects
+        if into not in objects or not vehicle.touches:
+            return False
+        return mover_of(objects, vehicle.touches) is mover_of(objects, into)
 
 
 class Excursions:

@@ -17,7 +17,7 @@ from kybflow.core.units import DEG
 from kybflow.flight.contact import TouchSense
 from kybflow.runtime.fleet.tracked_bodies import UNSEEN_NS
 from kybflow.runtime.vehicle.vehicle import Vehicle
-from kybflow.world.objects import Face, WorldObject, seen_face
+from kybflow.world.objects import Face, WorldObject, seen_face, seen_object
 
 _LEANS = sin(1.0 * DEG)
 """The least horizontal part of body z towards a surface when contact begins."""
@@ -42,7 +42,7 @@ class InferredContacts:
         self._objects, self._seen = objects, seen
         paths = [
             f"{one.name}.{surface.name}"
-            for one in objects.values() if one.moves for surface in one.surfaces
+            for one in objects.values() for surface in one.surfaces
         ]  # fmt: skip
         self._senses = [
             (vehicle, {path: TouchSense(bumper) for path in paths})
@@ -73,7 +73,7 @@ class InferredContacts:
                 yield path.partition(".")[0]
 
     def _face(self, path: str, now: Time) -> Face | None:
-        face = seen_face(self._objects, self._seen, path)
-        if face is None or now - self._seen[path.partition(".")[0]].time > UNSEEN_NS:
+        seen = seen_object(self._objects, self._seen, path.partition(".")[0])
+        if seen is None or now - seen.time > UNSEEN_NS:
             return None
-        return face
+        return seen_face(self._objects, self._seen, path)

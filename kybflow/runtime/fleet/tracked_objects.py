@@ -24,7 +24,7 @@ from kybflow.world.objects import (
     WorldObject,
     coordinate,
     in_order,
-    placements,
+    place_of,
 )
 
 TrackedObjects = TrackedBodies[SeenObject]
@@ -35,21 +35,11 @@ def tracked_objects(
     objects: Mapping[str, WorldObject], events: Events, streams: Mapping[str, Stream]
 ) -> TrackedObjects:
     """Return the objects of a mission. streams: that of each object's poses, by name."""
-    at_start = placements(objects, {})
     coordinates: dict[str, dict[Time, float]] = {name: {} for name in objects}
-
-    def placed(name: str) -> Placement:
-        """Return the pose of an object, seen or at the start; a part follows what it is on."""
-        one, seen = objects[name], bodies.seen.get(name)
-        if seen is not None:
-            return Placement(seen.position, seen.attitude)
-        if one.moves or one.on is None:
-            return at_start[name]
-        return one.placed(placed(one.on), 0.0)
 
     def observe(name: str, track: Track) -> SeenObject:
         one, last, known = objects[name], track[-1], coordinates[name]
-        on = None if one.on is None else placed(one.on)
+        on = None if one.on is None else place_of(objects, bodies.seen, one.on)
         found = {
             pose.time: known[pose.time]
             if pose.time in known

@@ -1,4 +1,4 @@
-"""Stop before the world's obstacles, whatever the behavior requests.
+"""Stop before the world's obstacles and objects, whatever the behavior requests.
 
 Every vehicle has it unless its mission lists its own processors (`library/defaults.yaml`). The
 setpoint brakes with `braking`, so that the rotors stay `keep` away from each obstacle: if it heads
@@ -9,8 +9,8 @@ of several obstacles contradict each other, it brakes and emits `avoidance_block
 
 It does not fly around obstacles, and ignores other vehicles: `avoid_obstacles` does both. It acts
 in behaviors that stay in the air, not in take-off and landing, which come close to the surface that
-they leave or land on. An obstacle that may be touched has `contact: allowed` in the world. Metres,
-world frame.
+they leave or land on. An obstacle that may be touched has `contact: allowed` in the world; an
+object may be touched by a behavior that means to. Metres, world frame.
 """
 
 from __future__ import annotations

@@ -75,6 +75,7 @@ class BehaviorRunner:
     hold: the hold that freezes the state, its behavior and its timers, or None.
     land_mode: the landing by the vehicle's own land mode, which replaces the behavior, or None.
     grip: the behavior's request to the payload's servo in this tick, or None.
+    touches: the object that the behavior means to touch, empty for none.
     foresee: returns the alarms that a tick would raise if the vehicle flew.
     latched: returns whether the failsafe has a latched reaction.
     resting_place: where the vehicle must be to take off (world, m): its start, later where it
@@ -102,6 +103,7 @@ class BehaviorRunner:
         self.hold: Hold | None = None
         self.land_mode: LandMode | None = None
         self.grip: Grip | None = None
+        self.touches = ""
         self.resting_place: Vec3 | None = plan.start
         self._params, self._ticks = params, ticks
         self._foresee, self._latched = foresee, latched
@@ -410,6 +412,8 @@ class BehaviorRunner:
             self.machine.refuse(self._refused)
             return
         self.behavior = behavior
+        if entry.context.objects:
+            self.touches = state.behavior.cls.touches(behavior.params)
         self.leg = next(leg for leg in state.legs if leg.start is self.flight)
         if self.leg.start is not self.leg.end:
             if self.flight is GROUND and entry.estimate is not None:

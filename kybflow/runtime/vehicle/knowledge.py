@@ -340,9 +340,16 @@ class TickBuilder:
         self._objects = objects
         self._neighbours = broadcasts or NOBODY
 
-    def tick(self, now: Time, dt: float, entered: Time, fleet: dict[str, Estimate | None]) -> Tick:
+    def tick(
+        self,
+        now: Time,
+        dt: float,
+        entered: Time,
+        fleet: dict[str, Estimate | None],
+        touches: str = "",
+    ) -> Tick:
         """Return the tick at `now`, `dt` seconds after the last one, of a vehicle whose state was
-        entered at `entered`."""
+        entered at `entered`, and whose behavior means to touch the object `touches`."""
         self.fleet = fleet
         knowledge, link = self._knowledge, self._knowledge.link_in
         frame, wrong = knowledge.frame, knowledge.frame.wrong
@@ -359,6 +366,7 @@ class TickBuilder:
                 frame.uncompared,
                 self._objects,
                 self.share,
+                touches,
             ),
         )  # fmt: skip
 

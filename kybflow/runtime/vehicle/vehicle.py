@@ -173,6 +173,11 @@ class Vehicle:
         return self._reactions.airborne
 
     @property
+    def touches(self) -> str:
+        """The object that its behavior means to touch, empty for none."""
+        return self.runner.touches
+
+    @property
     def may_touch_down(self) -> bool:
         """Whether the vehicle may touch the ground now: it is on the ground, it descends in order
         to land, it is in its own land mode, or a pilot or another program has control. A landing
@@ -222,7 +227,7 @@ class Vehicle:
     def act(self, now: Time, dt: float, fleet: dict[str, Estimate | None]) -> None:
         """Decide what to do in this tick, compute and send the command, and record the tick."""
         runner = self.runner
-        tick = self._ticks.tick(now, dt, runner.entered, fleet)
+        tick = self._ticks.tick(now, dt, runner.entered, fleet, runner.touches)
         if self._override.update(tick, self._decision.answer):
             command, wanted = self.link_out.hand_over(), None
         else:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from math import tan
 
 import pytest
-from part_bench import BLOCK, DT, MASS, SITE, entry, estimate, seen_block
+from part_bench import BLOCK, DT, MASS, WITH_BLOCK, entry, estimate, seen_block
 
 from kybflow.core.geometry import GRAVITY, Vec3
 from kybflow.core.signals import NS, Done, Failed, Setpoint, SetpointKind, Tick
@@ -16,8 +16,8 @@ from kybflow.runtime.behaviors.let_go import LetGo, LetGoParams
 from kybflow.runtime.behaviors.push import PushBehavior, PushBehaviorParams
 
 REACH = 0.12
-AIRFRAME = replace(SITE.airframe, bumper=REACH)
-CONTEXT = SITE._replace(airframe=AIRFRAME)
+AIRFRAME = replace(WITH_BLOCK.airframe, bumper=REACH)
+CONTEXT = WITH_BLOCK._replace(airframe=AIRFRAME)
 FACE = 0.9
 """Where the surface is, along x."""
 IN_TOUCH: Vec3 = (FACE - REACH, 0.2, 1.0)
@@ -149,7 +149,7 @@ def test_a_surface_must_exist(surface: str, reason: str) -> None:
 
 
 def test_it_needs_a_bumper_and_an_object_that_moves() -> None:
-    [found] = LetGo.objections(LetGoParams(surface="block.back"), SITE)
+    [found] = LetGo.objections(LetGoParams(surface="block.back"), WITH_BLOCK)
     assert "without a `bumper`" in found.reason
     part = BLOCK._replace(name="plate", on="block", joint=None)
     context = CONTEXT._replace(objects={"block": BLOCK, "plate": part})

@@ -126,6 +126,10 @@ def test_mocap_dropout_loses_poses_and_nothing_else() -> None:
     assert [passed(rig, m) for m in (POSE, BATTERY, IMU)] == [None, BATTERY, IMU]
 
 
+def test_mocap_dropout_loses_an_object_instead() -> None:
+    assert effects_of("mocap_dropout", object="cart").keys() == {"cart"}
+
+
 def test_mocap_dropout_loses_a_share() -> None:
     rig = rig_of(effect_of("mocap_dropout", share=0.25))
     kept = sum(passed(rig, POSE) is not None for _ in range(2000))

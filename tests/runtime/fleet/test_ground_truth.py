@@ -18,6 +18,7 @@ from kybflow.runtime.fleet.ground_truth import Clearances, Excursions, Impacts, 
 from kybflow.runtime.fleet.inferred_contacts import InferredContacts
 from kybflow.runtime.scores import VehicleScore
 from kybflow.runtime.views import BelievedView, KnownObjects, TrueView
+from kybflow.world.objects import TurnJoint, WorldObject
 from kybflow.world.shapes import Box, MovingSphere, Sphere
 
 FLOOR, WALL = Touch("the floor", carries=True), Touch("wall", carries=False)
@@ -32,7 +33,7 @@ class FakeVehicle:
     position: Vec3 = ZERO
     airborne: bool = True
     score: VehicleScore | None = None
-    plan = SimpleNamespace(airframe=SimpleNamespace(bumper=None))
+    touches: str = ""
 
     @property
     def truth(self):
@@ -44,10 +45,17 @@ class FakeLink:
         self.tell = tell
 
 
-def told(touch, sinks, *, lands):
+CAR = WorldObject("car", ZERO, (0.2, 0.2, 0.2), 1.0)
+PLATE = WorldObject("plate", ZERO, (0.2, 0.2, 0.2), 1.0, on="car")
+BAR = WorldObject("bar", ZERO, (0.2, 0.2, 0.2), 1.0, on="car", joint=TurnJoint((0, 0, 1), -1, 1))
+OBJECTS = {"car": CAR, "plate": PLATE, "bar": BAR}
+
+
+def told(touch, sinks, *, lands, touches=""):
     """The event of a touch, and why the run has failed."""
     heard, link = [], FakeLink()
-    impacts = Impacts([FakeVehicle(sinks, lands)], {"a": link}, Events((heard.append,)))
+    vehicle = FakeVehicle(sinks, lands, touches=touches)
+    impacts = Impacts([vehicle], {"a": link}, Events((heard.append,)), objects=OBJECTS)
     link.tell(touch)
     return [(event.name, event.fields) for event in heard], impacts.first
 
@@ -137,3 +145,16 @@ def test_the_floor_in_flight_is_a_collision_at_any_speed(sinks):
 @pytest.mark.parametrize("lands", [True, False])
 def test_what_carries_nobody_is_a_collision_of_one_that_lands_too(lands):
     assert told(WALL, 0.2, lands=lands)[0] == [("collided", {"into": "wall"})]
+
+
+@pytest.mark.parametrize("touches", ["car", "plate"])
+@pytest.mark.parametrize("into", ["car", "plate"])
+def test_a_touch_that_is_meant_is_no_collision(touches, into):
+    assert told(Touch(into, carries=False), 0.2, lands=False, touches=touches) == ([], None)
+
+
+@pytest.mark.parametrize(("touches", "into"), [("", "car"), ("car", "bar"), ("bar", "car")])
+def test_ramming_an_object_is_a_collision(touches, into):
+    events, reason = told(Touch(into, carries=False), 0.2, lands=False, touches=touches)
+    assert events == [("collided", {"into": into})]
+    assert reason == f"`a` ran into `{into}`"

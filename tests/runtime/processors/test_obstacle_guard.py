@@ -7,6 +7,7 @@ from kybflow.core.events import Emitting
 from kybflow.core.geometry import ZERO, Vec3, add, distance, norm, scale
 from kybflow.core.signals import Setpoint, SetpointKind
 from kybflow.runtime.processors.obstacle_guard import ObstacleGuard, ObstacleGuardParams
+from kybflow.world.objects import WORLD, WorldObject, distance_to
 from kybflow.world.scanned import PointCloud
 from kybflow.world.shapes import Box, Cylinder, Plane
 
@@ -51,6 +52,15 @@ def test_it_stops_before_a_pillar(kind: SetpointKind) -> None:
     assert PILLAR.distance(way[-1]) < KEPT + 0.05
     assert abs(way[-1][1]) < 0.01
     assert norm(scale(add(way[-1], scale(way[-2], -1.0)), 1.0 / DT)) < 0.05
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_stops_before_an_object(kind: SetpointKind) -> None:
+    crate = WorldObject("crate", (1.0, 0.0, 1.0), (0.4, 0.4, 0.4), 1.0, heading=0.3)
+    way = pushed(SITE._replace(objects={"crate": crate}), kind, EAST)
+    rooms = [distance_to(crate, crate.placed(WORLD, 0.0), p) for p in way]
+    assert min(rooms) > KEPT - 5e-3
+    assert rooms[-1] < KEPT + 0.05
 
 
 @pytest.mark.parametrize("kind", KINDS)
