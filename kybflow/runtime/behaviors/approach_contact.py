@@ -2,7 +2,7 @@
 
 The vehicle flies to `distance` in front of the surface's middle and turns towards it. From there it
 approaches at `speed`, slower and slower, down to `touch_speed`; if the surface moves, it follows.
-It is done when it touches (`kybflow.flight.contact`): it then presses as hard as its velocity loop
+It is done when it touches (`kybflow.flight.manipulation.contact`): it then presses as hard as its velocity loop
 does at `touch_speed`. `push` goes on from there.
 
 It needs an object that motion capture sees and an airframe with a `bumper`. It refuses to start
@@ -18,7 +18,7 @@ from math import atan2
 from kybflow.core.geometry import Vec3, add, scale, sub
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, Duration, Length, Speed
-from kybflow.flight.contact import TouchSense
+from kybflow.flight.manipulation.contact import TouchSense
 from kybflow.flight.motion import Coast, Straight, Turn
 from kybflow.parts import AIR, Behavior, Entry, Objection, param, params
 from kybflow.runtime.behaviors import _surface

@@ -2,7 +2,7 @@
 
 The way is planned when the behavior begins, from where the object and everything that it is joined
 with are seen: it goes around all of them, left or right, whichever is shorter and inside the fence
-(`kybflow.flight.way_round`), at the height of the surface, in straight legs. The vehicle stops at
+(`kybflow.flight.manipulation.way_round`), at the height of the surface, in straight legs. The vehicle stops at
 each corner and turns towards the surface on the way. It is done at `distance` in front of the
 surface; `approach_contact` goes on from there. Let go of a surface before.
 
@@ -19,8 +19,8 @@ from math import atan2
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, AngularRate, Duration, Length, Speed
+from kybflow.flight.manipulation.way_round import way_round
 from kybflow.flight.motion import Coast, Straight, Turn
-from kybflow.flight.way_round import way_round
 from kybflow.parts import AIR, Behavior, Entry, Objection, param, params
 from kybflow.runtime.behaviors import _surface
 from kybflow.world.objects import Face, base_of, corners, place_of

@@ -27,7 +27,7 @@ from math import tan
 from kybflow.core.geometry import Vec3, distance, dot, scale
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import FORCE, Duration, Force, Speed, format_quantity
-from kybflow.flight.contact import TouchSense
+from kybflow.flight.manipulation.contact import TouchSense
 from kybflow.parts import AIR, Behavior, Entry, Objection, param, params
 from kybflow.runtime.behaviors import _surface
 from kybflow.world.freedoms import freedoms_of

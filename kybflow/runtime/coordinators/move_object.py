@@ -2,7 +2,7 @@
 
 Every vehicle that the phase runs pushes one surface of the object by the behavior `push` without a
 `force`; the coordinator shares the force and the torque that the object needs among them
-(`kybflow.flight.object_law`). Until all of them push, those that do press with `preload`. If one of
+(`kybflow.flight.manipulation.object_law`). Until all of them push, those that do press with `preload`. If one of
 them no longer pushes, all let go.
 
 Its states are `wait`, `align`, `push`, `hold`, `let_go`, and `infeasible` if what the vehicles can
@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import tan
 
-from kybflow.core.geometry import scale, wrap
+from kybflow.core.geometry import heading_of, rotate, scale, wrap
 from kybflow.core.signals import NS, SeenObject
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import (
@@ -29,7 +29,7 @@ from kybflow.core.units import (
     Speed,
     format_quantity,
 )
-from kybflow.flight.object_law import Aim, ObjectLaw, Pusher
+from kybflow.flight.manipulation.object_law import Aim, ObjectLaw, Pusher
 from kybflow.parts import Coordinator, Objection, Shares, Team, TeamTick, param, params
 from kybflow.world.freedoms import Freedom, freedoms_of
 from kybflow.world.objects import Placement, seen_face
@@ -42,7 +42,8 @@ class MoveObjectParams:
     object: str = param("The object whose surfaces the vehicles push.")
     position: Length | None = param("Goal of the joint that slides.", default=None)
     yaw: Angle | None = param(
-        "Goal of the joint that turns, or of the heading of an object without a joint.",
+        "Goal of the heading (as `OBJECT.yaw`) of an object that turns about the vertical, or has "
+        "no joint.",
         default=None,
     )
     point: Position | None = param(
@@ -90,7 +91,8 @@ class MoveObject(Coordinator[MoveObjectParams]):
     def _aim(self, free: Freedom, seen: SeenObject) -> Aim:
         p = self.params
         if free.turns:
-            error = None if p.yaw is None else wrap(p.yaw - seen.q)
+            ahead = 1.0 if rotate(seen.attitude, free.axis)[2] > 0.0 else -1.0
+            error = None if p.yaw is None else ahead * wrap(p.yaw - heading_of(seen.attitude))
             return Aim(free, error, seen.speed, p.yaw_tolerance, p.turn_rate)
         if free.label == "position":
             error = None if p.position is None else p.position - seen.q
@@ -124,6 +126,10 @@ class MoveObject(Coordinator[MoveObjectParams]):
                 movable = " and ".join(f"`{label}`" for label in sorted(labels)) or "nothing"
                 reason = f"is no motion of `{params.object}`, which has {movable}"
                 yield Objection(goal, reason, "give the goal of a motion that it has")
+        turning = next((one for one in freedoms if one.turns), None)
+        if params.yaw is not None and turning is not None and abs(turning.axis[2]) < 0.99:
+            reason = f"needs a vertical axis, and `{turning.object}` turns about another"
+            yield Objection("yaw", reason, "leave `yaw` out")
         if all(getattr(params, goal) is None for goal in ("position", "yaw", "point")):
             yield Objection("object", "has no goal", "write `position`, `yaw` or `point`")
         yield from _slips(params, freedoms, len(team))

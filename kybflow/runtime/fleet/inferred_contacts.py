@@ -1,7 +1,7 @@
 """Which vehicles touch which objects, as conditions read it: inferred from what vehicles and motion
 capture know, never from a simulator.
 
-A vehicle with a bumper touches a surface (`kybflow.flight.contact`) if it also leans towards it
+A vehicle with a bumper touches a surface (`kybflow.flight.manipulation.contact`) if it also leans towards it
 when contact begins. Sides of an object that aren't declared as surfaces are not considered.
 """
 
@@ -14,7 +14,7 @@ from typing import NamedTuple
 from kybflow.core.geometry import body_z, dot
 from kybflow.core.signals import SeenObjects, Time
 from kybflow.core.units import DEG
-from kybflow.flight.contact import TouchSense
+from kybflow.flight.manipulation.contact import TouchSense
 from kybflow.runtime.fleet.tracked_bodies import UNSEEN_NS
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.world.objects import Face, WorldObject, seen_face, seen_object

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kybflow.flight.object_law import Aim, ObjectLaw, Pusher
+from kybflow.flight.manipulation.object_law import Aim, ObjectLaw, Pusher
 from kybflow.world.freedoms import Freedom
 
 DT, LATE_S = 0.008, 0.25

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kybflow.core.geometry import Vec3
-from kybflow.flight.way_round import way_round
+from kybflow.flight.manipulation.way_round import way_round
 from kybflow.world.shapes import Box
 
 BAR: list[Vec3] = [(x, y, 1.0) for x in (-0.02, 0.02) for y in (-0.6, 0.6)]
