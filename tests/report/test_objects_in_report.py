@@ -1,19 +1,24 @@
-"""Objects in a recording and on its page: where they are, what their goals are, and what presses
-them."""
+"""Objects in a recording, on its page and in the live table: where they are, what their goals are,
+and what presses them."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from io import StringIO
 from math import cos, pi, sin
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from pushed_bar import MISSION
+from rich.console import Console
 from test_page import unpacked
 from toolchain import compiled, with_library
 
 from kybflow.api.flight import RunRequest, fly
+from kybflow.cli.printing.live import LivePanel
 from kybflow.core.signals import SeenObject
 from kybflow.dsl.plan import Plan
 from kybflow.parts.link import Contact
@@ -34,6 +39,17 @@ expect:
   - finally 1 m/s > car.speed or car.position < 20 cm
   - max(bar.angle) < 10 deg
 """
+SHOWN: list[str] = []
+
+
+def looks(engine: Any) -> None:
+    file, seen = StringIO(), engine.objects.seen
+    box = seen.pop("box", None) if len(SHOWN) < 20 else None  # as if it were not seen
+    console = Console(file=file, width=80)
+    console.print(LivePanel(console).drawing(engine, 1.0))
+    SHOWN.append(file.getvalue())
+    if box is not None:
+        seen["box"] = box
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +61,7 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> Plan:
 @pytest.fixture(scope="module")
 def run(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Run:
     folder = tmp_path_factory.mktemp("flown")
-    flown = fly(plan, RunRequest(seed=1, out=folder / "run"))
+    flown = fly(plan, RunRequest(seed=1, out=folder / "run"), observers=(looks,))
     assert flown.summary["outcome"] == "succeeded", flown.summary["reason"]
     return read_run(Path(flown.folder))
 
@@ -183,3 +199,12 @@ def test_without_the_truth_there_is_what_was_tracked_and_inferred(run: Run) -> N
     assert names(contacts) == ["v on bar, inferred"]
     assert contacts.note.startswith("Nobody measures forces.")
     assert names(figures["path"]).count("object") == 6
+
+
+def test_the_live_table_has_the_objects_and_who_touches_them(run: Run) -> None:
+    flying = [table.partition("objects    ")[2].splitlines() for table in SHOWN[2:]]
+    assert [car for car, *_ in flying] == ["car 0.00 m"] * len(flying)
+    assert flying[10][2] == "           box not seen"
+    assert flying[-1][2].startswith("           box x 2.00 m, y -1.00 m, yaw ")
+    touched = [bar for _, bar, *_ in flying if re.fullmatch(r" *bar -\S+ deg, touched by v.*", bar)]
+    assert 3 < sum(" N" in bar for bar in touched) < len(flying)
