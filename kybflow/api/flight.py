@@ -135,7 +135,13 @@ def fly(
             watching.append(lambda e: recorder.obstacles(e.clock.now, e.moving.seen))
         if plan.objects:
             watching.append(
-                lambda e: recorder.objects(e.clock.now, e.true_objects.states, e.contacts.forces)
+                lambda e: recorder.objects(
+                    e.clock.now,
+                    e.true_objects.states if e.true_objects.is_known else {},
+                    e.objects.seen,
+                    e.contacts.forces,
+                    {name: touched.object for name, touched in e.inferred.touching.items()},
+                )
             )
         watching += observers
         if any(vehicle.cameras for vehicle in plan.vehicles):

@@ -28,6 +28,11 @@ class TrueObjects:
         }
 
     @property
+    def is_known(self) -> bool:
+        """Whether a simulator knows them."""
+        return self._scene is not None
+
+    @property
     def states(self) -> Mapping[str, ObjectState]:
         """The state of every object now, by name."""
         return self._at_start if self._scene is None else self._scene.states()

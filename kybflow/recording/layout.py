@@ -22,15 +22,27 @@ from kybflow.core.signals import (
     Event,
     MeasurementKind,
     Recorded,
+    SeenObjects,
     SeenObstacles,
     SetpointKind,
     kind_name,
 )
+from kybflow.core.units import ANGLE, LENGTH
+from kybflow.dsl.expressions import tree
+from kybflow.dsl.expressions.parse import FLIPPED
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.dsl.resolving.library_files import without_homes
 from kybflow.parts import AIR
 from kybflow.parts.link import Contact
-from kybflow.world.objects import WORLD, ObjectState, corners
+from kybflow.parts.observables import OBJECT_OBSERVABLES
+from kybflow.world.objects import (
+    WORLD,
+    ObjectState,
+    Placement,
+    corners,
+    in_order,
+    placements,
+)
 
 PACKAGE = "kybflow"
 EVENTS_TOPIC = "/events"
@@ -75,19 +87,24 @@ OBSTACLES_SCHEMA = {
     },
 }
 
+_STATE = {
+    **{
+        key: {"type": "array", "items": {"type": "number"}}
+        for key in ("position", "attitude", "velocity")
+    },
+    "q": {"type": "number"},
+    "speed": {"type": "number"},
+}
 OBJECTS_SCHEMA = {
     "title": f"{PACKAGE}/Objects",
     "type": "object",
     "additionalProperties": {
         "type": "object",
         "properties": {
-            **{
-                key: {"type": "array", "items": {"type": "number"}}
-                for key in ("position", "attitude", "velocity")
-            },
-            "q": {"type": "number"},
-            "speed": {"type": "number"},
+            "true": {"type": "object", "properties": _STATE},
+            "seen": {"type": "object", "properties": {"seen_s": {"type": "number"}, **_STATE}},
             "force_n": {"type": "object", "additionalProperties": {"type": "number"}},
+            "touched_by": {"type": "array", "items": {"type": "string"}},
         },
     },
 }
@@ -203,21 +220,36 @@ def obstacles_record(seen: SeenObstacles) -> dict[str, Any]:
 
 
 def objects_record(
-    states: Mapping[str, ObjectState], forces: Mapping[Contact, float]
+    true: Mapping[str, ObjectState],
+    seen: SeenObjects,
+    forces: Mapping[Contact, float],
+    touching: Mapping[str, str],
 ) -> dict[str, Any]:
-    """Return the true state of the objects as written to `/objects`, by name: pose and velocity
-    (world; metres, quaternion w x y z), the joint's coordinate and its rate, and the force with
-    which each vehicle presses each surface, by `VEHICLE.SURFACE`."""
-    pressed: dict[str, dict[str, float]] = {name: {} for name in states}
+    """Return the objects as written to `/objects`, by name: their `true` states in simulation, and
+    the states that motion capture has `seen`, with the time in seconds since the start. A state is
+    pose and velocity (world; metres, quaternion w x y z), the joint's coordinate and its rate.
+
+    forces: those with which vehicles press surfaces, by `VEHICLE.SURFACE`, in simulation. touching:
+    the object that each vehicle touches by its own inference, by vehicle.
+    """
+    found: dict[str, dict[str, Any]] = {
+        name: {"force_n": {}, "touched_by": []} for name in (*true, *seen, *touching.values())
+    }
+    for name, state in true.items():
+        found[name]["true"] = state._asdict()
+    for name, one in seen.items():
+        kept = one._asdict()
+        found[name]["seen"] = {"seen_s": kept.pop("time") / NS, **kept}
     for (vehicle, name, surface), force in forces.items():
-        pressed[name][f"{vehicle}.{surface}"] = round(force, 4)
-    return {name: one._asdict() | {"force_n": pressed[name]} for name, one in states.items()}
+        found[name]["force_n"][f"{vehicle}.{surface}"] = round(force, 4)
+    for vehicle, name in touching.items():
+        found[name]["touched_by"].append(vehicle)
+    return found
 
 
 def head(plan: Plan) -> dict[str, Any]:
-    """Return the metadata of a recording: the facts about the mission that its readers need. The
-    objects are their boxes and plates: corners in the object's axes."""
-    objects = {name: [*corners(one, WORLD)] for name, one in plan.objects.items()}
+    """Return the metadata of a recording: the facts about the mission that its readers need."""
+    objects = _objects(plan)
     return {
         "mission": plan.mission,
         "summary": plan.summary,
@@ -228,6 +260,55 @@ def head(plan: Plan) -> dict[str, Any]:
         "vehicles": {v.name: _vehicle(v, plan) for v in plan.vehicles},
         **({"objects": objects} if objects else {}),
     }
+
+
+def _objects(plan: Plan) -> dict[str, Any]:
+    """Return the facts about each object that moves by itself, by name.
+
+    coordinates: those to show, by their names in conditions: those of its joint and those with
+    goals; a yaw with goals stands for the angle. boxes: the corners of its box, its plates and
+    those of its parts, in its axes. stops: its pose at each stop of its joint, with what it is on
+    at the start. goals: texts and values by coordinate.
+    """
+    found: dict[str, Any] = {}
+    movers: dict[str | None, tuple[str, Placement]] = {}
+    for one in in_order(plan.objects.values()):
+        if one.moves:
+            stops = () if one.joint is None else (one.joint.low, one.joint.high)
+            goals = _goals(plan, one.name)
+            own = [k for k, o in OBJECT_OBSERVABLES.items() if o.of_joint and o.has(one)]
+            own = [k for k in own or ("x", "y", "yaw") if k != "angle" or "yaw" not in goals]
+            found[one.name] = {
+                "coordinates": [*dict.fromkeys((*own, *goals))],
+                "boxes": [*corners(one, WORLD)],
+                "stops": [placements(plan.objects, {one.name: q})[one.name] for q in stops],
+                "goals": goals,
+            }
+            movers[one.name] = one.name, WORLD
+        else:
+            mover, below = movers[one.on]
+            movers[one.name] = mover, one.placed(below, 0.0)
+            found[mover]["boxes"] += corners(one, movers[one.name][1])
+    return {name: found[name] for name in plan.objects if name in found}
+
+
+def _goals(plan: Plan, name: str) -> dict[str, dict[str, float]]:
+    """Return the numbers with which expectations compare an object's coordinates, by text."""
+    found: dict[str, dict[str, float]] = {}
+    waiting: list[tree.Expression] = [one.expression for one in plan.expectations]
+    for one in waiting:
+        match one:
+            case tree.Always(part) | tree.Eventually(part) | tree.Finally(part):
+                waiting.append(part)
+            case tree.And(parts) | tree.Or(parts):
+                waiting += parts
+            case tree.Compare(operator, tree.Quantity() as bound, tree.ObjectRead() as read):
+                waiting.append(tree.Compare(FLIPPED[operator], read, bound))
+            case tree.Compare(operator, tree.ObjectRead(of, key), tree.Quantity(value) as bound):
+                if of == name and OBJECT_OBSERVABLES[key].dimension in (LENGTH, ANGLE):
+                    text = f"expected {operator} {tree.shown_value(bound)}"
+                    found.setdefault(key, {})[text] = value
+    return found
 
 
 def _vehicle(vehicle: VehiclePlan, plan: Plan) -> dict[str, Any]:

@@ -7,7 +7,8 @@
 - `/NAME/command`: the setpoint of each command that has one.
 - `/NAME/estimator/ESTIMATOR`: each estimator's estimate, at most 50 times a second.
 - `/events`: every event as JSON. `/obstacles`: the moving obstacles, 20 times a second.
-- `/objects`: in simulation, the true state of the objects, 20 times a second.
+- `/objects`: the objects as motion capture saw them and, in simulation, as they are, with the
+  forces on them, 20 times a second.
 
 Log and publish times are the tick's time, so that two runs with the same seed give the same bytes.
 docs/adr/0001-recording-encoding.md explains the encoding.
@@ -34,6 +35,7 @@ from kybflow.core.signals import (
     Measurement,
     MeasurementKind,
     Pose,
+    SeenObjects,
     SeenObstacles,
     Setpoint,
     SetpointKind,
@@ -154,10 +156,17 @@ class Recorder:
             self._obstacles.base.log(json.dumps(obstacles_record(seen)).encode(), now)
 
     def objects(
-        self, now: Time, states: Mapping[str, ObjectState], forces: Mapping[Contact, float]
+        self,
+        now: Time,
+        true: Mapping[str, ObjectState],
+        seen: SeenObjects,
+        forces: Mapping[Contact, float],
+        touching: Mapping[str, str],
     ) -> None:
+        """Record the objects, with the arguments of `objects_record`."""
         if self._objects is not None:
-            self._objects.base.log(json.dumps(objects_record(states, forces)).encode(), now)
+            told = objects_record(true, seen, forces, touching)
+            self._objects.base.log(json.dumps(told).encode(), now)
 
     def close(self) -> None:
         """Write pending data and the index, and close the file; may be called again."""

@@ -28,7 +28,6 @@ from kybflow.inputs.rows import InputRows, parse
 from kybflow.recording.layout import (
     HAS_POSITION,
     HAS_VELOCITY,
-    OBJECTS_TOPIC,
     OBSTACLES_TOPIC,
     dtype_spec,
 )
@@ -43,6 +42,7 @@ from kybflow.recording.run_folder import (
     whole_lines,
 )
 from kybflow.report.estimators import Array, EstimatorTrack, norm, read_estimators
+from kybflow.report.objects import RecordedObjects, read_objects
 from kybflow.world.obstacle_files import occupied_places, read_image, read_info, read_points
 from kybflow.world.scanned import METRES, Columns, PointCloud, placed, thinned
 from kybflow.world.shapes import Box, Cylinder, Plane, Shape, Sphere
@@ -196,26 +196,6 @@ class MovingTrack:
 
 
 @dataclass(frozen=True)
-class ObjectTrack:
-    """An object that moves, by the simulator's truth. time: seconds, (n,). position: metres, world,
-    (n, 3). heading: rad, (n,). boxes: the corners of its box and plates from above, in its axes,
-    metres, (k, 4, 2). forces: by `VEHICLE.SURFACE`, N, (n,)."""
-
-    time: Array
-    position: Array
-    heading: Array
-    boxes: Array
-    forces: dict[str, Array]
-
-    def outlines(self, moment: float) -> Array:
-        """Return the corners of its boxes from above at `moment` (s), world frame, (k, 4, 2)."""
-        seen = max(0, int(np.searchsorted(self.time, moment, side="right")) - 1)
-        c, s = np.cos(self.heading[seen]), np.sin(self.heading[seen])
-        turned: Array = self.boxes @ np.array([[c, s], [-s, c]]) + self.position[seen, :2]
-        return turned
-
-
-@dataclass(frozen=True)
 class Picture:
     """A camera frame with its tags marked.
 
@@ -252,7 +232,7 @@ class Run:
     pictures: tuple[Picture, ...] = ()
     inputs: dict[str, InputRows] = field(default_factory=dict)
     moving: dict[str, MovingTrack] = field(default_factory=dict)
-    objects: dict[str, ObjectTrack] = field(default_factory=dict)
+    objects: RecordedObjects = field(default_factory=RecordedObjects)
 
     @property
     def simulated(self) -> bool:
@@ -297,22 +277,6 @@ def read_moving(log: Recording) -> dict[str, MovingTrack]:
         )
         for name, seen in rows.items()
     }
-
-
-def read_objects(log: Recording) -> dict[str, ObjectTrack]:
-    """Return the objects by name."""
-    moments, found = [*log[OBJECTS_TOPIC].json()], {}
-    times = log[OBJECTS_TOPIC].times / NS
-    for name, corners in log.mission.get("objects", {}).items() if moments else ():
-        rows = [moment[name] for moment in moments]
-        w, x, y, z = np.array([row["attitude"] for row in rows]).T
-        heading = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
-        boxes = np.array(corners)[:, :2].reshape(-1, 8, 2)[:, [0, 2, 6, 4]]
-        pressed = {key: None for row in rows for key in row["force_n"]}
-        forces = {key: np.array([row["force_n"].get(key, 0.0) for row in rows]) for key in pressed}
-        position = np.array([row["position"] for row in rows])
-        found[name] = ObjectTrack(times, position, heading, boxes, forces)
-    return found
 
 
 def read_inputs(folder: Path) -> dict[str, InputRows]:

@@ -111,7 +111,7 @@ def _track(
     blended: NDArray[np.bool_],
 ) -> EstimatorTrack:
     own, theirs = _present(rows, "attitude"), reference.attitude
-    yaw: Array = (_heading(own) - _heading(theirs) + np.pi) % (2.0 * np.pi) - np.pi
+    yaw: Array = (heading(own) - heading(theirs) + np.pi) % (2.0 * np.pi) - np.pi
     turn: Array = 2.0 * np.arccos(np.abs((own * theirs).sum(axis=1)).clip(0.0, 1.0))
     error = _present(rows, "position") - reference.position
     age, spread = _present(rows, "age"), _present(rows, "spread")
@@ -120,10 +120,10 @@ def _track(
     )
 
 
-def _heading(q: Array) -> Array:
+def heading(q: Array) -> Array:
     w, x, y, z = q.T
-    heading: Array = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return heading
+    found: Array = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return found
 
 
 def _present(rows: NDArray[Any], name: str) -> Array:

@@ -4,7 +4,9 @@ batteries."""
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import combinations, pairwise
+from math import dist
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,8 @@ from kybflow.report import plot
 from kybflow.report.data import Run, Track
 from kybflow.report.estimators import Array, norm
 from kybflow.report.events import FAULT, TINTS, shaded
-from kybflow.report.map import moved_object, moving_ball, path_map, room, seen_from_above, shown
+from kybflow.report.map import moving_ball, path_map, room, seen_from_above, shown
+from kybflow.report.object_figures import contact_figures, coordinate_figures, objects_over_time
 from kybflow.report.timeline import timeline
 
 _MOST_PAIRS = 28
@@ -27,30 +30,21 @@ _MOST_NAMED = 15
 """The most lines in the legend. If there are more, the names are only in the hover labels."""
 _MOMENTS = 9
 """The number of moments in the figure from above."""
+_MOVED = 0.05
+"""The share of this figure by which an object moves between two of them."""
 _BOUND = re.compile(r"\bseparation\([^)]*\)\s*>=?\s*([^()]+?)(?: and | or | for |$)")
 
 
 def swarm_figures(run: Run) -> list[plot.Figure]:
     """Return the figures of several vehicles, or of one vehicle and moving obstacles."""
+    if run.objects.tracks:  # a vehicle that pushes flies without a setpoint of position
+        errors = [np.fmin(track.position_error, track.velocity_error) for track in run.tracks]
+        tracks = zip(run.tracks, errors, strict=True)
+        run = replace(run, tracks=tuple(replace(t, position_error=error) for t, error in tracks))
     flown = [track for track in run.tracks if len(track.time)]
-    above = [_from_above(run)] if len(flown) > 1 or (flown and (run.moving or run.objects)) else []
+    moves = len(flown) > 1 or (flown and (run.moving or run.objects.tracks))
+    above = [_from_above(run)] if moves else []
     return [*above, _distances(run, flown)] if len(flown) > 1 else above
-
-
-def contact_figures(run: Run) -> list[plot.Figure]:
-    """Return the figure of the forces on objects, if any was touched."""
-    curves = [
-        (f"{name}: {key.replace('.', ' on ').removesuffix(' on ')}", track.time, force)
-        for name, track in run.objects.items()
-        for key, force in track.forces.items()
-    ]
-    traces = [
-        plot.line(name, time, force, plot.VEHICLES[n % len(plot.VEHICLES)], 1.6, hover="%{y:.3f} N")
-        for n, (name, time, force) in enumerate(curves)
-    ]
-    note = "The force with which each vehicle presses a surface, by the simulator's truth."
-    layout = plot.over_time(run, "force (N)", "tozero")
-    return [plot.Figure("contacts", "Contacts", note, traces, layout)] if traces else []
 
 
 def _distances(run: Run, tracks: list[Track]) -> plot.Figure:
@@ -70,24 +64,16 @@ def _distances(run: Run, tracks: list[Track]) -> plot.Figure:
     if len(traces) > _MOST_NAMED:
         traces = [{**trace, "showlegend": False} for trace in traces]
     if alarms := alarm_distances(run):
-        traces += [_bound(run, "alarm below", at, "2px,3px") for at in alarms]
+        traces += [plot.level(run, f"alarm below {at:g} m", at, "2px,3px") for at in alarms]
         note += " A supervisor alarms below a dotted line, and sooner for vehicles that approach."
     expected = least_separation(run)
     if expected is not None:
-        traces.append(_bound(run, "expected above", expected, "6px,4px"))
+        name = f"expected above {round(expected, 3):g} m"
+        traces.append(plot.level(run, name, expected, "6px,4px"))
         note += " The dashed line is the least that an expectation allows."
     return plot.Figure(
         "distances", "Distances", note, traces, plot.over_time(run, "distance (m)", "tozero")
     )
-
-
-def _bound(run: Run, name: str, bound: float, dash: str) -> dict[str, Any]:
-    """Return a horizontal line over the whole run."""
-    limit = plot.line(
-        f"{name} {round(bound, 3):g} m", np.array([0.0, run.end]), np.full(2, bound), "alarm", 1.4
-    )
-    limit["line"]["dash"] = dash
-    return limit
 
 
 def alarm_distances(run: Run) -> list[float]:
@@ -138,20 +124,35 @@ def _at(track: Track, times: Array) -> Array:
 def _from_above(run: Run) -> plot.Figure:
     """Draw the paths from above, with the moving obstacles and flying vehicles at several
     moments."""
-    window, _ = shown(run)
+    window, objects = shown(run)[0], run.objects.tracks.values()
+    if objects:
+        ways = [track.position[:, :2] for track in run.tracks]
+        ways += [way for track in objects for at in (0.0, run.end) for way in track.outlines(at)]
+        window = plot.around(ways)
+        window = window.grown(max(0.25, 0.06 * window.span))
     traces = room(run, window)
     for track, colour in plot.coloured(run):
         way = plot.line(track.name, track.position[:, 0], track.position[:, 1], colour, 1.2)
         traces.append({**way, "opacity": 0.5})
-    for moment in np.linspace(0.0, run.end, _MOMENTS + 2)[1:-1]:
+    moments = np.linspace(0.0, run.end, _MOMENTS + 2)[1:-1]
+    traces += objects_over_time(run, moments.tolist(), _MOVED * window.span)
+    labelled: list[tuple[float, float]] = []
+    for moment in moments:
         at = float(moment)
         for name in run.moving:
             traces += moving_ball(run, name, at, f"{at:.0f}")
-        for name in run.objects:
-            traces += moved_object(run, name, at, f"{at:.0f}", at / run.end)
-        traces += _moment(run, at)
+        dots = _moment(run, at)
+        for dot in dots[1:] if objects else ():  # labels at one place would cover each other
+            place = (dot["x"][0], dot["y"][0])
+            near = sum(dist(place, other) < _MOVED * window.span for other in labelled)
+            dot["textposition"] = "bottom center" if near else "top center"
+            dot["text"] = dot["text"] if near < 2 else None
+            labelled.append(place)
+        traces += dots
     note = f"The vehicles in the air at {_MOMENTS} moments, with the seconds. Lines join vehicles"
     note += " in one state whose behavior uses the positions of the others."
+    if objects:
+        note += " Objects are drawn where they were at these moments, if they had moved."
     layout = seen_from_above(run, window)
     return plot.Figure("from_above", "From above over time", note, traces, layout, over_time=False)
 
@@ -202,6 +203,7 @@ def figures(run: Run) -> list[plot.Figure]:
         path_map(run),
         timeline(run),
         *swarm_figures(run),
+        *coordinate_figures(run),
         *contact_figures(run),
         *(_input(name, rows, run) for name, rows in run.inputs.items()),
         _errors(run, "position", "m"),

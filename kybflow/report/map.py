@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import cos, hypot, pi, sin
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from kybflow.report.data import Run
 from kybflow.report.events import IMPACTS, impact_text
-from kybflow.report.plot import Figure, coloured, dashed, line, markers
+from kybflow.report.object_figures import objects_from_above
+from kybflow.report.plot import Extent, Figure, around, coloured, dashed, line, markers
 from kybflow.world.shapes import Box, Plane, Scanned, Shape, Sphere
 
 _MIN_MARGIN = 3.0
@@ -18,32 +19,6 @@ _MIN_MARGIN = 3.0
 _CORNERS = 48
 """The number of corners of a drawn circle."""
 _GREY = "#7d8894"
-_OBJECT, _OBJECT_EDGE = "rgba(190,140,50,0.45)", "#9a6f1e"
-
-
-class Extent(NamedTuple):
-    """A rectangle of the map; metres, world frame."""
-
-    x0: float
-    y0: float
-    x1: float
-    y1: float
-
-    def grown(self, by: float) -> Extent:
-        return Extent(self.x0 - by, self.y0 - by, self.x1 + by, self.y1 + by)
-
-    def covers(self, other: Extent) -> bool:
-        return bool(
-            self.x0 <= other.x0
-            and self.y0 <= other.y0
-            and other.x1 <= self.x1
-            and other.y1 <= self.y1
-        )
-
-    @property
-    def span(self) -> float:
-        """The longer side, metres."""
-        return max(self.x1 - self.x0, self.y1 - self.y0)
 
 
 def path_map(run: Run) -> Figure:
@@ -53,7 +28,7 @@ def path_map(run: Run) -> Figure:
     ring = {"symbol": "circle-open", "size": 10, "color": "ink", "line": {"width": 2}}
     starts = markers("start", x, y, ring, "start %{x:.2f}, %{y:.2f} m")
     traces = [
-        *room(run, window), *moving_paths(run), *object_paths(run), *_paths(run), starts,
+        *room(run, window), *moving_paths(run), *objects_from_above(run), *_paths(run), starts,
         *_parcels(run), *_collisions(run),
     ]  # fmt: skip
     note = "The flown path and the reference of the tracker."
@@ -96,10 +71,9 @@ def seen_from_above(run: Run, window: Extent) -> dict[str, Any]:
 def shown(run: Run) -> tuple[Extent, list[str]]:
     """Return the extent of the figures from above, and the labels of the objects outside it."""
     standing = _extents(run)
-    ways = np.concatenate(
+    path = around(
         [*(t.position[:, :2] for t in run.tracks), np.array([t.start[:2] for t in run.tracks])]
     )
-    path = Extent(*np.nanmin(ways, axis=0).tolist(), *np.nanmax(ways, axis=0).tolist())
     near = path.grown(max(_MIN_MARGIN, 1.5 * path.span))
     within = {name: extent for name, extent in standing.items() if near.covers(extent)}
     x0, y0, x1, y1 = zip(path, *within.values(), strict=True)
@@ -212,9 +186,11 @@ def _extents(run: Run) -> dict[str, Extent]:
         way = ball.position[:, :2]
         extent = Extent(*way.min(axis=0).tolist(), *way.max(axis=0).tolist())
         found[f"obstacle {name}"] = extent.grown(ball.radius)
-    for name, track in run.objects.items():
-        way = np.concatenate([track.outlines(0.0), track.outlines(run.end)]).reshape(-1, 2)
-        found[f"object {name}"] = Extent(*way.min(axis=0).tolist(), *way.max(axis=0).tolist())
+    for name, track in run.objects.tracks.items():
+        outlines = [*track.outlines(0.0), *track.outlines(run.end)]
+        found[f"object {name}"] = around(outlines)
+        if stops := track.at_stops():
+            found[f"a stop of {name}"] = around(stops)
     return found
 
 
@@ -243,35 +219,6 @@ def moving_ball(run: Run, name: str, moment: float, text: str) -> list[dict[str,
     inside = {"type": "scatter", "mode": "text", "x": [x], "y": [y], "text": [text]}
     style = {"textfont": {"color": "ink", "size": 10}, "hoverinfo": "skip", "showlegend": False}
     return [_obstacle(name, xs, ys, first=False), {**inside, **style, "name": name}]
-
-
-def object_paths(run: Run) -> Iterator[dict[str, Any]]:
-    """Yield the objects where they are at the start and at the end."""
-    for name in run.objects:
-        yield from moved_object(run, name, 0.0, "", 0.4)
-        yield from moved_object(run, name, run.end, name, 1.0)
-
-
-def moved_object(
-    run: Run, name: str, moment: float, text: str, opacity: float
-) -> list[dict[str, Any]]:
-    """Return the trace of an object at `moment` (s), with a text inside."""
-    boxes = run.objects[name].outlines(moment)
-    xs: Coordinates = []
-    ys: Coordinates = []
-    for box in boxes.tolist():
-        xs += [*(x for x, _ in box), box[0][0], None]
-        ys += [*(y for _, y in box), box[0][1], None]
-    drawn = _obstacle(name, xs, ys, first=moment == 0.0 and name == next(iter(run.objects)))
-    x, y = boxes[0].mean(axis=0).tolist()
-    own = {
-        "name": "object", "legendgroup": "object", "opacity": opacity, "fillcolor": _OBJECT,
-        "line": {"color": _OBJECT_EDGE, "width": 1.2},
-        "hovertemplate": f"object {name}<br>%{{x:.3f}}, %{{y:.3f}} m<extra></extra>",
-    }  # fmt: skip
-    inside = {"type": "scatter", "mode": "text", "x": [x], "y": [y], "text": [text]}
-    style = {"textfont": {"color": "ink", "size": 10}, "hoverinfo": "skip", "showlegend": False}
-    return [{**drawn, **own}, {**inside, **style, "name": name}]
 
 
 def room(run: Run, window: Extent) -> list[dict[str, Any]]:

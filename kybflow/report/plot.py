@@ -8,7 +8,9 @@ from __future__ import annotations
 import base64
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from kybflow.report.data import Run, Track
 from kybflow.report.estimators import Array
@@ -32,6 +34,37 @@ class Figure:
     traces: list[dict[str, Any]]
     layout: dict[str, Any]
     over_time: bool = True
+
+
+class Extent(NamedTuple):
+    """A rectangle of the map; metres, world frame."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    def grown(self, by: float) -> Extent:
+        return Extent(self.x0 - by, self.y0 - by, self.x1 + by, self.y1 + by)
+
+    def covers(self, other: Extent) -> bool:
+        return bool(
+            self.x0 <= other.x0
+            and self.y0 <= other.y0
+            and other.x1 <= self.x1
+            and other.y1 <= self.y1
+        )
+
+    @property
+    def span(self) -> float:
+        """The longer side, metres."""
+        return max(self.x1 - self.x0, self.y1 - self.y0)
+
+
+def around(outlines: list[Array]) -> Extent:
+    """Return the extent of points from above, (n, 2) each; not-a-number doesn't count."""
+    points = np.concatenate(outlines)
+    return Extent(*np.nanmin(points, axis=0).tolist(), *np.nanmax(points, axis=0).tolist())
 
 
 def line(
@@ -67,6 +100,13 @@ def markers(
     """Return the trace of points. more: further properties of the trace."""
     trace = {"type": "scatter", "mode": "markers", "name": name, "x": x, "y": y, "marker": marker}
     return {**trace, "hovertemplate": f"{hover}<extra></extra>", **more}
+
+
+def level(run: Run, name: str, at: float, dash: str) -> dict[str, Any]:
+    """Return a horizontal line over the whole run."""
+    limit = line(name, np.array([0.0, run.end]), np.full(2, at), "alarm", 1.4)
+    limit["line"]["dash"] = dash
+    return limit
 
 
 def _packed(values: Array) -> dict[str, str]:

@@ -101,9 +101,9 @@ class Engine:
         self._tracked = tuple(one for one in (moving, objects) if one.has_bodies)
         self.true_objects = TrueObjects(plan.objects, sessions)
         self.contacts = ObjectContacts(sessions if plan.objects else (), events)
-        self._inferred = InferredContacts(self.vehicles, plan.objects, objects.seen)
+        self.inferred = InferredContacts(self.vehicles, plan.objects, objects.seen)
         known = KnownObjects(
-            plan.objects, objects.seen, self.true_objects, self._inferred, self.contacts
+            plan.objects, objects.seen, self.true_objects, self.inferred, self.contacts
         )
         self._believed = {vehicle.name: BelievedView(vehicle, known) for vehicle in vehicles}
         true, period = {v.name: TrueView(v, known) for v in vehicles}, clock.period / NS
@@ -223,7 +223,7 @@ class Engine:
     def _advance(self, now: Time) -> None:
         if self._has_objects:
             self.contacts.step(now, self.clock.period / NS)
-            self._inferred.step(now, self.clock.period / NS)
+            self.inferred.step(now, self.clock.period / NS)
         if now >= self._next_look:
             self._next_look = now + _OBSERVED_EVERY
             self.excursions.step()

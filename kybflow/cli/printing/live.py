@@ -17,8 +17,11 @@ from kybflow.cli.output import grouped
 from kybflow.cli.printing.flights import sentence
 from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Event
+from kybflow.core.units import DEG
 from kybflow.runtime.engine import Engine
+from kybflow.runtime.fleet.tracked_bodies import UNSEEN_NS
 from kybflow.runtime.vehicle.vehicle import Vehicle
+from kybflow.world.objects import SlideJoint, TurnJoint, WorldObject
 
 _LAST_EVENTS = 6
 _REDRAW_PERIOD_S = 0.1
@@ -115,7 +118,8 @@ def _row(vehicle: Vehicle, engine: Engine) -> list[str]:
 
 
 def _below(engine: Engine) -> Iterator[str]:
-    """Yield a line with the phases of active flows, and one with what vehicles wait for."""
+    """Yield a line with the phases of active flows, one with what vehicles wait for, and one for
+    each object: its coordinates as motion capture sees them, and who touches it."""
     running = [engine.flows.running(flow.name) for flow in engine.plan.flows]
     active = [(one, (engine.clock.now - one.entered) / NS) for one in running if one.active]
     if phases := [f"{one.plan.name} {one.phase.name} {t:.0f} s" for one, t in active]:
@@ -125,6 +129,37 @@ def _below(engine: Engine) -> Iterator[str]:
     if reasons := grouped(wait for wait in waits if wait[0] is not None):
         whom = (f"{', '.join(names)} for {reason}" for reason, names in reasons.items())
         yield f"waiting    {'; '.join(whom)}"
+    label = "objects"
+    for name, one in engine.plan.objects.items():
+        if one.moves:
+            yield f"{label:11}{name} {_seen(one, engine)}{_touched(name, engine)}"
+            label = ""
+
+
+def _seen(one: WorldObject, engine: Engine) -> str:
+    """Return an object's coordinates."""
+    seen = engine.objects.seen.get(one.name)
+    if seen is None or engine.clock.now - seen.time > UNSEEN_NS:
+        return "not seen"
+    match one.joint:
+        case SlideJoint():
+            return f"{seen.q:z.2f} m"
+        case TurnJoint():
+            return f"{seen.q / DEG:z.1f} deg"
+    x, y, _ = seen.position
+    return f"x {x:z.2f} m, y {y:z.2f} m, yaw {seen.q / DEG:z.1f} deg"
+
+
+def _touched(name: str, engine: Engine) -> str:
+    """Return the vehicles that touch an object by their own inference or by the simulator's truth,
+    which knows the force."""
+    touching = engine.inferred.touching
+    forces = {who: 0.0 for who, touched in touching.items() if touched.object == name}
+    for (who, of, _), force in engine.contacts.forces.items():
+        if of == name:
+            forces[who] = forces.get(who, 0.0) + force
+    texts = [f"{who} {force:.2f} N" if force else who for who, force in sorted(forces.items())]
+    return f", touched by {', '.join(texts)}" if texts else ""
 
 
 def keys_drawn(
