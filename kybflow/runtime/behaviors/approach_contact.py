@@ -2,8 +2,8 @@
 
 The vehicle flies to `distance` in front of the surface's middle and turns towards it. From there it
 approaches at `speed`, slower and slower, down to `touch_speed`; if the surface moves, it follows.
-It is done when it touches (`kybflow.flight.manipulation.contact`): it then presses as hard as its velocity loop
-does at `touch_speed`. `push` goes on from there.
+It is done when it touches (`kybflow.flight.manipulation.contact`): it then presses as hard as its
+velocity loop does at `touch_speed`. `push` goes on from there.
 
 It needs an object that motion capture sees and an airframe with a `bumper`. It refuses to start
 behind the surface. Fails if the object isn't seen for 0.2 s, and if it doesn't touch it within

@@ -2,9 +2,9 @@
 
 The way is planned when the behavior begins, from where the object and everything that it is joined
 with are seen: it goes around all of them, left or right, whichever is shorter and inside the fence
-(`kybflow.flight.manipulation.way_round`), at the height of the surface, in straight legs. The vehicle stops at
-each corner and turns towards the surface on the way. It is done at `distance` in front of the
-surface; `approach_contact` goes on from there. Let go of a surface before.
+(`kybflow.flight.manipulation.way_round`), at the height of the surface, in straight legs. The
+vehicle stops at each corner and turns towards the surface on the way. It is done at `distance` in
+front of the surface; `approach_contact` goes on from there. Let go of a surface before.
 
 To also keep away from other vehicles and obstacles, the vehicle needs the processor
 `avoid_obstacles`. Fails if the object isn't seen, or if the fence leaves no way. World frame,

@@ -2,8 +2,8 @@
 
 Every vehicle that the phase runs pushes one surface of the object by the behavior `push` without a
 `force`; the coordinator shares the force and the torque that the object needs among them
-(`kybflow.flight.manipulation.object_law`). Until all of them push, those that do press with `preload`. If one of
-them no longer pushes, all let go.
+(`kybflow.flight.manipulation.object_law`). Until all of them push, those that do press with
+`preload`. If one of them no longer pushes, all let go.
 
 Its states are `wait`, `align`, `push`, `hold`, `let_go`, and `infeasible` if what the vehicles can
 give has not sufficed for 2 s. The event `coordinator_changed` reports each change. Vehicles can

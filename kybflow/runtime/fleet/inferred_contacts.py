@@ -1,8 +1,9 @@
 """Which vehicles touch which objects, as conditions read it: inferred from what vehicles and motion
 capture know, never from a simulator.
 
-A vehicle with a bumper touches a surface (`kybflow.flight.manipulation.contact`) if it also leans towards it
-when contact begins. Sides of an object that aren't declared as surfaces are not considered.
+A vehicle with a bumper touches a surface (`kybflow.flight.manipulation.contact`) if it also leans
+towards it when contact begins. Sides of an object that aren't declared as surfaces are not
+considered.
 """
 
 from __future__ import annotations
