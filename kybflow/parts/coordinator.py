@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from kybflow.core.signals import Estimate, SeenObjects, Time
 from kybflow.parts.base import Objection, P, Part
+from kybflow.world.objects import WorldObject
 from kybflow.world.vehicle_context import VehicleContext
 
 Team = Mapping[str, VehicleContext]
@@ -61,6 +62,14 @@ class Coordinator(Part[P]):
     @abstractmethod
     def update(self, tick: TeamTick) -> Shares:
         """Return each vehicle's value. Called once a tick, after every vehicle has acted."""
+
+    @classmethod
+    def goals(
+        cls, params: P, objects: Mapping[str, WorldObject]
+    ) -> Iterator[tuple[str, str, float]]:
+        """Yield the goals that it leads objects to, for the report: (object, what conditions call
+        its coordinate, value in SI)."""
+        yield from ()
 
     @classmethod
     def objections(cls, params: P, team: Team) -> Iterator[Objection]:

@@ -293,8 +293,14 @@ def _objects(plan: Plan) -> dict[str, Any]:
 
 
 def _goals(plan: Plan, name: str) -> dict[str, dict[str, float]]:
-    """Return the numbers with which expectations compare an object's coordinates, by text."""
+    """Return the goals of an object's coordinates, by text: those of coordinators, and the numbers
+    with which expectations compare them."""
     found: dict[str, dict[str, float]] = {}
+    coordinators = (p.coordinator for flow in plan.flows for p in flow.phases.values())
+    for use in filter(None, coordinators):
+        for of, key, value in use.cls.goals(use.params, plan.objects):
+            if of == name:
+                found.setdefault(key, {})[f"goal of {use.name}"] = value
     waiting: list[tree.Expression] = [one.expression for one in plan.expectations]
     for one in waiting:
         match one:

@@ -12,7 +12,7 @@ only push: what is beyond its goal they bring back from the other side. World fr
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from math import tan
 
 from kybflow.core.geometry import heading_of, rotate, scale, wrap
@@ -32,9 +32,10 @@ from kybflow.core.units import (
 from kybflow.flight.manipulation.object_law import Aim, ObjectLaw, Pusher
 from kybflow.parts import Coordinator, Objection, Shares, Team, TeamTick, param, params
 from kybflow.world.freedoms import Freedom, freedoms_of
-from kybflow.world.objects import Placement, seen_face
+from kybflow.world.objects import Placement, WorldObject, seen_face
 
 _UNSEEN_NS = NS // 5
+_AXES = ("x", "y")
 
 
 @params
@@ -97,7 +98,7 @@ class MoveObject(Coordinator[MoveObjectParams]):
         if free.label == "position":
             error = None if p.position is None else p.position - seen.q
             return Aim(free, error, seen.speed, p.tolerance, p.speed)
-        axis = 0 if free.label == "x" else 1
+        axis = _AXES.index(free.label)
         error = None if p.point is None else p.point[axis] - seen.position[axis]
         return Aim(free, error, seen.velocity[axis], p.tolerance, p.speed)
 
@@ -113,6 +114,18 @@ class MoveObject(Coordinator[MoveObjectParams]):
         return Pusher(tuple(levers), frame.mass, frame.hover_thrust * tan(frame.tilt))
 
     @classmethod
+    def goals(
+        cls, params: MoveObjectParams, objects: Mapping[str, WorldObject]
+    ) -> Iterator[tuple[str, str, float]]:
+        for free in freedoms_of(objects, params.object):
+            if free.label in _AXES:
+                value = None if params.point is None else params.point[_AXES.index(free.label)]
+            else:
+                value = params.yaw if free.turns else params.position
+            if value is not None:
+                yield free.object, free.label, value
+
+    @classmethod
     def objections(cls, params: MoveObjectParams, team: Team) -> Iterator[Objection]:
         objects = next(iter(team.values())).objects if team else {}
         if params.object not in objects:
@@ -120,7 +133,7 @@ class MoveObject(Coordinator[MoveObjectParams]):
             yield Objection("object", f"names `{params.object}`, and no object is called so", hint)
             return
         freedoms = freedoms_of(objects, params.object)
-        labels = {("point" if one.label in "xy" else one.label): one for one in freedoms}
+        labels = {("point" if one.label in _AXES else one.label): one for one in freedoms}
         for goal in ("position", "yaw", "point"):
             if getattr(params, goal) is not None and goal not in labels:
                 movable = " and ".join(f"`{label}`" for label in sorted(labels)) or "nothing"
