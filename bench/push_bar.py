@@ -120,8 +120,19 @@ class Watch:
         self._apart: dict[str, float] = {}
 
     def __call__(self, engine: Engine) -> None:
+        if not engine.flying:
+            return
         now, states = engine.seconds(), engine.true_objects.states
         q, yaw = states["car"].q, degrees(states["bar"].q)
+        self._measure(engine, now, q, yaw)
+        self._contacts(engine, now)
+        if self.ended:
+            self.at_end = yaw if self.at_end is None else self.at_end
+            if now - min(self.ended.values()) < 5.0:
+                self.turned = max(self.turned, abs(yaw - self.at_end))
+
+    def _measure(self, engine: Engine, now: float, q: float, yaw: float) -> None:
+        """Take the errors of the object."""
         self.car, self.yaw = 100.0 * (q - GOAL), yaw
         does = engine.flows.running("work").coordinated
         if does == "push" and self.first is None:
@@ -130,6 +141,9 @@ class Watch:
             self.most = max(self.most, abs(yaw), key=abs)
         if self.arrived_s < 0.0 and abs(self.car) < 5.0:
             self.arrived_s = now
+
+    def _contacts(self, engine: Engine, now: float) -> None:
+        """Count broken contacts, and take when each vehicle no longer pushes."""
         quiet = all(not -0.1 < now - time < 2.0 for time in self.disturbed)
         self.states = [vehicle.state for vehicle in engine.vehicles]
         touching = {contact.vehicle for contact in engine.contacts.forces}
@@ -143,10 +157,6 @@ class Watch:
                 self._apart[name] = apart
             elif now > AT_BREAK_S and name not in self.ended:
                 self.ended[name] = now
-        if self.ended:
-            self.at_end = yaw if self.at_end is None else self.at_end
-            if now - min(self.ended.values()) < 5.0:
-                self.turned = max(self.turned, abs(yaw - self.at_end))
 
 
 def flight(case: Case, seed: int) -> tuple[Watch, Mapping[str, Any], list[Event]]:
@@ -170,6 +180,9 @@ def flight(case: Case, seed: int) -> tuple[Watch, Mapping[str, Any], list[Event]
         ):
             request = RunRequest(seed=seed, out=Path(folder) / "run")
             flown = fly(plan, request, (told.append,), (watch,))
+    failed = [event.fields for event in told if event.name == "observer_failed"]
+    if failed:
+        raise RuntimeError(failed)
     return watch, flown.summary, told
 
 

@@ -29,8 +29,10 @@ from typing import Any, Literal, NamedTuple
 from kybflow.world.freedoms import Freedom
 
 Mode = Literal["align", "push", "hold"]
-_APPROACH_S, _RESPONSE_S, _INTEGRAL_S = 2.5, 0.7, 4.0
-"""T, tau, and the time K = M / tau / time of the integral, s."""
+_APPROACH_S, _RESPONSE_S = (2.5, 1.5), (0.7, 0.6)
+"""T and tau of a slide and of a turn, s. Rates are measured, and forces act, about 0.3 s late."""
+_INTEGRAL_S = 4.0
+"""The time of the integral, with which K = M / tau / time, s."""
 _NEAR_ZERO, _SLOWEST = 0.3, 0.01
 """w0 of a turn and of a slide, relative to the largest speed. A slide is no longer pushed when it
 has arrived, so it needs its friction to the end."""
@@ -147,9 +149,9 @@ class ObjectLaw:
     def _force(self, aim: Aim, index: int, pushers: Mapping[str, Pusher], dt: float) -> float:
         """Return the generalized force that a freedom is to have."""
         free, limit = aim.freedom, aim.speed
-        speed = min(limit, max(-limit, (aim.error or 0.0) / _APPROACH_S))
+        speed = min(limit, max(-limit, (aim.error or 0.0) / _APPROACH_S[free.turns]))
         moved = free.inertia + sum(p.mass * p.levers[index] ** 2 for p in pushers.values())
-        stiff = moved / _RESPONSE_S
+        stiff = moved / _RESPONSE_S[free.turns]
         most = free.friction + stiff * limit
         integral, lack = self._integrals.get(free.name, 0.0), self._lacks.get(free.name, 0.0)
         if lack * (speed - aim.rate) <= 0.0:  # else it would only wind up

@@ -30,11 +30,13 @@ from kybflow.core.units import (
     format_quantity,
 )
 from kybflow.flight.manipulation.object_law import Aim, ObjectLaw, Pusher
-from kybflow.parts import Coordinator, Objection, Shares, Team, TeamTick, param, params
+from kybflow.parts import Coordinator, Objection, Shares, Team, TeamMember, TeamTick, param, params
 from kybflow.world.freedoms import Freedom, freedoms_of
 from kybflow.world.objects import Placement, WorldObject, seen_face
 
 _UNSEEN_NS = NS // 5
+_BLIND_S = 0.15
+"""Age of an estimate from which its vehicle counts as one that no longer pushes, s."""
 _AXES = ("x", "y")
 
 
@@ -69,7 +71,7 @@ class MoveObject(Coordinator[MoveObjectParams]):
         self._all_pushed = False
 
     def update(self, tick: TeamTick) -> Shares:
-        pushing = {name: m.pushes for name, m in tick.members.items() if m.pushes}
+        pushing = {name: m.pushes for name, m in tick.members.items() if m.pushes and _is_known(m)}
         missing = [name for name in tick.members if name not in pushing]
         self._all_pushed = self._all_pushed or not missing
         unseen = [f.object for f in self._freedoms if not self._is_seen(f.object, tick)]
@@ -146,6 +148,10 @@ class MoveObject(Coordinator[MoveObjectParams]):
         if all(getattr(params, goal) is None for goal in ("position", "yaw", "point")):
             yield Objection("object", "has no goal", "write `position`, `yaw` or `point`")
         yield from _slips(params, freedoms, len(team))
+
+
+def _is_known(member: TeamMember) -> bool:
+    return member.estimate is not None and member.estimate.age < _BLIND_S
 
 
 def _slips(

@@ -5,14 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from part_bench import DT, SITE, estimate, seen_block
+from part_bench import BLOCK, DT, SITE, estimate, seen_block
 
 from kybflow.core.signals import NS
 from kybflow.parts import TeamMember, TeamTick
 from kybflow.runtime.coordinators.move_object import MoveObject, MoveObjectParams
 
 TEAM = {
-    name: SITE._replace(vehicle=name, airframe=replace(SITE.airframe, bumper=0.12))
+    name: SITE._replace(
+        vehicle=name, airframe=replace(SITE.airframe, bumper=0.12), objects={"block": BLOCK}
+    )
     for name in ("a", "b")
 }
 PUSHES = TeamMember(estimate((0.78, 0.2, 1.0)), "block.back")
