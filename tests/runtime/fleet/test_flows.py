@@ -29,6 +29,7 @@ from kybflow.dsl.plan import (
     TransitionPlan,
 )
 from kybflow.flight.motion import Pace
+from kybflow.parts import Coordinator, Shares, TeamMember, TeamTick
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.flows import Flows
 from kybflow.runtime.vehicle.requests import Requester
@@ -47,6 +48,14 @@ class Obedient:
     comes_down: bool = False
     pace: Pace | None = None
     kept: Pace | None = None
+    context: Any = None
+    share: float | None = None
+
+    def as_member(self) -> TeamMember:
+        return TeamMember(None, "bar.left" if self.state == "push" else None)
+
+    def take_share(self, share: float | None) -> None:
+        self.share = share
 
     def keep(self, pace: Pace) -> None:
         self.kept = pace
@@ -59,6 +68,22 @@ class Obedient:
         assert by is Requester.FLOW
         self.asked.append(state)
         self.state = state
+
+
+class Equal(Coordinator[float]):
+    """Gives everybody who pushes the same. params: what all are given together."""
+
+    def update(self, tick: TeamTick) -> Shares:
+        pushing = [name for name, member in tick.members.items() if member.pushes]
+        state = "push" if pushing else "wait"
+        return (
+            Shares(dict.fromkeys(pushing, self.params / len(pushing)), state)
+            if pushing
+            else (Shares({}, state, "nobody pushes"))
+        )
+
+
+EQUAL = PartPlan("equal", Equal, 1.0, "coordinators.equal")
 
 
 class Settings:
@@ -323,6 +348,40 @@ def test_a_flow_that_waits_can_not_be_entered_without_a_vehicle() -> None:
     stage.flows.enter("solo", "alone", "callback")
     assert stage.names() == ["phase_refused"]
     assert stage.told[0].fields["reason"] == "no flow has given `solo` a vehicle"
+
+
+def test_a_coordinator_gives_each_vehicle_its_share_until_the_phase_ends() -> None:
+    both = {"a": "push", "b": "push"}
+    law = replace(phase("push", go("land", after=1.0), run=both), coordinator=EQUAL)
+    stage = staged(law, phase("land", go("end", after=5.0)))
+    stage.step(3)
+    assert (stage.a.share, stage.b.share, stage.c.share) == (0.5, 0.5, None)
+    stage.b.state = "away"
+    stage.step()
+    assert (stage.a.share, stage.b.share) == (1.0, None)
+    stage.a.state = "away"
+    stage.step()
+    changed = [event.fields for event in named(stage.told, "coordinator_changed")]
+    assert changed == [
+        {"flow": "team", "state": "push", "reason": ""},
+        {"flow": "team", "state": "wait", "reason": "nobody pushes"},
+    ]
+    stage.a.state = "push"
+    stage.step(10)
+    assert stage.phases("team") == ["push: next", "land"]
+    assert stage.a.share is None
+
+
+@pytest.mark.parametrize("total", [float("nan"), "much"])
+def test_a_coordinator_that_fails_ends_its_flow_and_nobody_keeps_a_share(total: Any) -> None:
+    law = replace(phase("push", run={"a": "push"}), coordinator=replace(EQUAL, params=1.0))
+    stage = staged(law)
+    stage.step(2)
+    assert stage.a.share == 1.0
+    stage.flows.running("team").coordinator.params = total
+    stage.step()
+    assert [event.name for event in stage.told][-4:-3] == ["flow_failed"]
+    assert stage.a.share is None
 
 
 # In the simulator.
