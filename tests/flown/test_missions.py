@@ -23,10 +23,11 @@ from kybflow.dsl.plan import Plan
 LONG = frozenset(
     {
         *("courier", "courier_hard", "formation", "swarm_teleoperation", "follow_leader"),
-        *("waypoint_swarm", "cross_traffic", "corridor", "joystick"),
+        *("waypoint_swarm", "cross_traffic", "corridor", "joystick", "push_cart", "rubble"),
+        *("squad", "survey", "three_ardrones", "two_lives"),
     }
 )
-"""Flown and rehearsed in the thorough tests only: each takes longer than ten of the others
+"""Flown and rehearsed in the thorough tests only: each takes longer than several of the others
 together, but for `joystick`, which flies what `teleoperation` does."""
 GUESSES = ("80 %", "120 %")
 TIMED = frozenset({"first_flight", "mass_pickup", "sidestep"})

@@ -91,6 +91,7 @@ def test_wind_a_push_and_mass_of_the_rig_act() -> None:
     assert session.truth(0).velocity[2] < before - 0.3
 
 
+@pytest.mark.thorough
 def test_eddies_push_it_the_same_way_each_time() -> None:
     found = []
     for _ in range(2):
