@@ -81,7 +81,9 @@ def lab(wheel: Path) -> Path:
     return installed(LAB, wheel.with_name("lab"))
 
 
-@pytest.mark.parametrize("mission", ["fallback", "courier", "formation"])
+@pytest.mark.parametrize(
+    "mission", ["fallback", "formation", pytest.param("courier", marks=pytest.mark.slow)]
+)
 def test_it_records_the_same_bytes(wheel: Path, plain: Path, mission: str, tmp_path: Path) -> None:
     for package in (wheel, plain):
         words = ("kybflow", "run", f"kybflow/missions/{mission}.yaml", "--seed", "3", "--no-report")

@@ -25,7 +25,6 @@ WAYS = {
 MARKS = {
     ("figure_eight", "emulated_ardupilot"): [pytest.mark.thorough],
     ("courier", "emulated_px4"): [pytest.mark.thorough],
-    ("teleoperation", "emulated_ardupilot"): [pytest.mark.thorough],
 }
 """The tier of each flight; those that aren't named are slow."""
 
@@ -64,7 +63,11 @@ CUT = "\nfaults:\n  - {{at: 25 s, on: a, inject: link_cut, for: {lasts}}}\n"
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    ("lasts", "last_of_a"), [("1 s", ["turn", "hover", "down", "landed"]), ("100 s", ["fault"])]
+    ("lasts", "last_of_a"),
+    [
+        ("1 s", ["turn", "hover", "down", "landed"]),
+        pytest.param("100 s", ["fault"], marks=pytest.mark.slow),
+    ],
 )
 def test_who_loses_its_wifi_hovers_or_lands_and_the_others_finish(
     lasts: str, last_of_a: list[str], tmp_path: Path

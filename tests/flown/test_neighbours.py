@@ -94,8 +94,8 @@ def test_two_that_brake_each_other_land_side_by_side_and_say_why(flight_past) ->
     [
         pytest.param(ABOVE, "operator.land", marks=pytest.mark.thorough),
         pytest.param(BESIDE, "operator.down_all", marks=pytest.mark.thorough),
-        pytest.param(ABOVE, "operator.down_all", marks=pytest.mark.thorough),
-        pytest.param(BESIDE, "operator.land", marks=pytest.mark.thorough),
+        pytest.param(ABOVE, "operator.down_all", marks=pytest.mark.slow),
+        pytest.param(BESIDE, "operator.land", marks=pytest.mark.slow),
     ],
 )
 def test_two_neighbours_land_when_they_are_asked_to(

@@ -119,7 +119,7 @@ class Nearest:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("frame", ["nano_plus", "mk_quadro"])
+@pytest.mark.parametrize("frame", ["nano_plus", pytest.param("mk_quadro", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("behavior", PRESSED)
 def test_whatever_flies_it_stays_clear_and_says_why(
     behavior: str, frame: str, tmp_path: Path

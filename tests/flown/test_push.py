@@ -42,15 +42,17 @@ def flown_off(run, hovering: VehiclePlan, push: Vec3, pushed: float, seed: int =
 
 FRAMES = {"mk": FRAME, "nano": NANO}
 PUSHES = {"sideways": SIDEWAYS, "up": UP, "down": DOWN}
-QUICK = (("nano", "up", 0),)
+QUICK, THOROUGH = (("nano", "up", 0),), (("mk", "sideways", 0),)
 
 
 def pushed_flights():
-    """One is flown in every run of the tests, each push of each frame in the thorough, and with
+    """One is flown in every run of the tests, one in the thorough, and each push of each frame with
     four seeds in the slow."""
     for frame, push, seed in product(FRAMES, PUSHES, range(4)):
         case = (frame, push, seed)
-        mark = () if case in QUICK else pytest.mark.slow if seed else pytest.mark.thorough
+        mark = (
+            () if case in QUICK else pytest.mark.thorough if case in THOROUGH else pytest.mark.slow
+        )
         yield pytest.param(*case, marks=mark, id=f"{frame}-{push}-{seed}")
 
 
@@ -104,7 +106,7 @@ def given_way(run, **gains) -> Offs:
             diagonal(9.0, 9.0, 4.0),
             (0.4 / 9.0, 0.4 / 9.0),
             id="alike",
-            marks=pytest.mark.thorough,
+            marks=pytest.mark.slow,
         ),
     ],
 )

@@ -61,12 +61,11 @@ def off(located: Located) -> list[float]:
         ("focal_error",),
         *(
             pytest.param(kinds, marks=pytest.mark.thorough)
-            for kinds in (
-                ("k1_error",),
-                ("mount_error",),
-                ("mount_misalignment",),
-                ("survey_error", "height_error", "survey_turn"),
-            )
+            for kinds in (("mount_misalignment",), ("survey_error", "height_error", "survey_turn"))
+        ),
+        *(
+            pytest.param(kinds, marks=pytest.mark.slow)
+            for kinds in (("k1_error",), ("mount_error",))
         ),
     ],
 )

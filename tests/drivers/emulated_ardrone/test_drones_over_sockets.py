@@ -111,7 +111,7 @@ def check_connection(rate, seconds, out, monkeypatch):
     return sorted(ages.seconds)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow  # two flights in real time; the thorough ones over sockets have their own bounds
 def test_over_sockets_it_flies_as_in_memory(tmp_path):
     errors = []
     for network in (False, True):
