@@ -48,6 +48,7 @@ def test_it_lets_go_in_a_fifth_of_a_second_when_somebody_takes_the_cart_away(tmp
     assert [e.fields["behavior"] for e in told if e.name == "behavior_started"][-1] == "landed"
 
 
+@pytest.mark.thorough
 def test_it_lets_go_of_a_cart_that_motion_capture_loses(tmp_path) -> None:
     lost = "{when: cart.position > 30 cm, on: drone, inject: mocap_dropout, object: cart, for: 1 s}"
     told, _ = flown(f"{TEXT}faults:\n  - {lost}\n", tmp_path)
