@@ -1,6 +1,7 @@
 """A wheel built with `HATCH_BUILD_HOOK_ENABLE_MYPYC=true` is the plain one, only faster.
 
-To compile it takes minutes: `--dist loadfile` has one worker do so.
+To compile it takes a minute: `--dist loadfile` has one worker do so. C code that isn't optimised
+is compiled several times as fast, and its assertions are on; a release's optimised code is `slow`.
 """
 
 from __future__ import annotations
@@ -27,10 +28,12 @@ print(*{module.__file__.rpartition(".")[2] for module in (cascade, vehicle)})
 """
 
 
-def installed(source: Path, target: Path, **environment: str) -> Path:
-    """`target`, with the package in a copy of `source` installed into it."""
+def installed(source: Path, target: Path, settings: str = "", **environment: str) -> Path:
+    """`target`, with the package in a copy of `source` and further settings installed into it."""
     ignored = shutil.ignore_patterns(".git", "build", "*.so", "runs")
     copied = shutil.copytree(source, target.with_suffix(".source"), ignore=ignored)
+    with (copied / "pyproject.toml").open("a") as file:
+        file.write(settings)
     command = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", str(target)]
     subprocess.run([*command, str(copied)], env={**os.environ, **environment}, check=True)
     return target
@@ -48,11 +51,17 @@ def ran(packages: tuple[Path, ...], *words: str) -> subprocess.CompletedProcess[
     )
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the compiled wheel."""
+@pytest.fixture(scope="module", params=["O0", pytest.param("O3", marks=pytest.mark.slow)])
+def wheel(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the wheel, compiled at a level of optimisation."""
     target = tmp_path_factory.mktemp("wheels") / "compiled"
-    installed(ROOT, target, HATCH_BUILD_HOOK_ENABLE_MYPYC="true")
+    options = f"""
+[tool.hatch.build.targets.wheel.hooks.mypyc.options]
+opt_level = "{request.param[1]}"
+"""
+    # to look for what -Wall finds takes gcc most of its time: mypyc's C code is one file
+    environment = {"HATCH_BUILD_HOOK_ENABLE_MYPYC": "true", "CFLAGS": "-Wno-all"}
+    installed(ROOT, target, options, **environment)
     assert ran((target,), "-c", SUFFIXES).stdout == "so\n"
     return target
 
@@ -72,7 +81,9 @@ def lab(wheel: Path) -> Path:
     return installed(LAB, wheel.with_name("lab"))
 
 
-@pytest.mark.parametrize("mission", ["fallback", "courier", "formation"])
+@pytest.mark.parametrize(
+    "mission", ["fallback", "formation", pytest.param("courier", marks=pytest.mark.slow)]
+)
 def test_it_records_the_same_bytes(wheel: Path, plain: Path, mission: str, tmp_path: Path) -> None:
     for package in (wheel, plain):
         words = ("kybflow", "run", f"kybflow/missions/{mission}.yaml", "--seed", "3", "--no-report")

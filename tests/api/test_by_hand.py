@@ -131,18 +131,27 @@ def test_a_right_frame_passes_and_a_wrong_one_is_named(seed):
         names(wrong, seed, replayed)
 
 
+HANDS = 5
+"""Hands with right frames in the thorough tests, each a seed, and one with wrong frames. More are
+slow: every run of the tests judges what three hands measured in each of the frames."""
+
+
 @pytest.mark.thorough
-@pytest.mark.parametrize("seed", range(50))
+@pytest.mark.parametrize(
+    "seed", [s if s < HANDS else pytest.param(s, marks=pytest.mark.slow) for s in range(50)]
+)
 def test_a_right_frame_passes_in_every_hand(seed):
     for rule in FINE:
         passes(rule, seed, flown)
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize(
+    "seed", [s if s < 1 else pytest.param(s, marks=pytest.mark.slow) for s in range(10)]
+)
 @pytest.mark.parametrize("wrong", WRONG)
-def test_a_wrong_frame_is_named_in_every_hand(wrong):
-    for seed in range(10):
-        names(wrong, seed, flown)
+def test_a_wrong_frame_is_named_in_every_hand(wrong, seed):
+    names(wrong, seed, flown)
 
 
 def without_imu():

@@ -228,7 +228,14 @@ def test_no_worker_outlives_its_session(long: Path):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("number", [n for n in Interrupts.SIGNALS if n != signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number",
+    [
+        n if n == signal.SIGINT else pytest.param(n, marks=pytest.mark.slow)
+        for n in Interrupts.SIGNALS
+        if n != signal.SIGTERM
+    ],
+)
 def test_a_terminal_that_interrupts_ends_the_command(folder: Path, number: int):
     command = [sys.executable, "-m", "kybflow", "test", "broken.yaml", "--seeds", "0..99999"]
     with subprocess.Popen(

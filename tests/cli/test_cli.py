@@ -119,15 +119,19 @@ PRINTS = [
     "parts", f"validate {GOOD}", "--help", "library", "explain", "schema", f"graph {GOOD}",
     f"show {GOOD}", f"validate {GOOD} --format json", f"preflight {GOOD}", "new mine", "--version",
 ]  # fmt: skip
-QUICK = 1
-"""How many of them are tried in every run of the tests; each is a process of its own."""
+QUICK, THOROUGH = 1, 5
+"""How many of them are tried in every run of the tests, and how many in the thorough; each is a
+process of its own. The others are slow."""
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
 @pytest.mark.parametrize(
     "words",
     [
-        pytest.param(words, marks=[pytest.mark.thorough] if k >= QUICK else [])
+        pytest.param(
+            words,
+            marks=() if k < QUICK else pytest.mark.thorough if k < THOROUGH else pytest.mark.slow,
+        )
         for k, words in enumerate(PRINTS)
     ],
 )

@@ -140,8 +140,15 @@ def last_recorded(log: Path) -> tuple[float, bool]:
 
 
 def phases(quick: str) -> list[Any]:
-    """Every phase, all but one of them thorough."""
-    return [pytest.param(p, marks=[pytest.mark.thorough] if p != quick else []) for p in PHASES]
+    """Every phase: one quick, the landing thorough, the others slow."""
+    thorough = "down" if quick != "down" else "go"
+    return [
+        pytest.param(
+            p,
+            marks=() if p == quick else pytest.mark.thorough if p == thorough else pytest.mark.slow,
+        )
+        for p in PHASES
+    ]
 
 
 LANDS = {
@@ -152,13 +159,17 @@ LANDS = {
 }
 
 
+def signal_tier(number: int, phase: str) -> tuple[pytest.MarkDecorator, ...]:
+    """SIGINT in one phase is quick; it in the others and each other signal in one are thorough."""
+    if (number, phase) == (signal.SIGINT, "go"):
+        return ()
+    is_first = phase == next(iter(LANDS[number]))
+    return (pytest.mark.thorough if number == signal.SIGINT or is_first else pytest.mark.slow,)
+
+
 @pytest.mark.parametrize(
     ("number", "phase"),
-    [
-        pytest.param(n, p, marks=[] if (n, p) == (signal.SIGINT, "go") else [pytest.mark.thorough])
-        for n, phases in LANDS.items()
-        for p in phases
-    ],
+    [pytest.param(n, p, marks=signal_tier(n, p)) for n, phases in LANDS.items() for p in phases],
 )
 def test_a_signal_lands(signalled, number: int, phase: str):
     left = signalled((PHASES[phase], number))
@@ -250,10 +261,10 @@ main()
         ("typer", signal.SIGINT),
         ("kybflow.dsl.compiler", signal.SIGTERM),
         pytest.param("kybflow.report.page", signal.SIGHUP, marks=pytest.mark.thorough),
-        pytest.param("kybflow.cli.app", signal.SIGINT, marks=pytest.mark.thorough),
-        pytest.param("kybflow.dsl.compiler", signal.SIGINT, marks=pytest.mark.thorough),
+        pytest.param("kybflow.cli.app", signal.SIGINT, marks=pytest.mark.slow),
+        pytest.param("kybflow.dsl.compiler", signal.SIGINT, marks=pytest.mark.slow),
         pytest.param("mujoco", signal.SIGINT, marks=pytest.mark.thorough),
-        pytest.param("kybflow.report.page", signal.SIGTERM, marks=pytest.mark.thorough),
+        pytest.param("kybflow.report.page", signal.SIGTERM, marks=pytest.mark.slow),
     ],
 )
 def test_an_interrupt_while_a_command_loads_is_no_traceback(

@@ -215,7 +215,7 @@ def is_as_punctual(flood: Flown, calm: Flown) -> None:
 @pytest.mark.parametrize(
     "count",
     [
-        pytest.param(30_000, marks=pytest.mark.thorough),
+        pytest.param(10_000, marks=pytest.mark.thorough),
         pytest.param(100_000, marks=pytest.mark.slow),
     ],
 )

@@ -116,9 +116,8 @@ def transitions(told: list[Event]) -> list[Event]:
 @pytest.mark.parametrize(
     "seed",
     [
-        0,
-        *(pytest.param(seed, marks=pytest.mark.thorough) for seed in range(1, 6)),
-        *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(6, 12)),
+        *(pytest.param(seed, marks=pytest.mark.thorough) for seed in range(2)),
+        *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 12)),
     ],
 )
 def test_a_flight_with_fifty_commands_is_the_same_flown_again(run, seed: int) -> None:

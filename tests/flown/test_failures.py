@@ -91,7 +91,9 @@ def test_a_warning_before_the_rotors_turn_does_not_make_a_flight_a_stand(run):
     assert sinks_for(flown) > 1.0
 
 
-@pytest.mark.parametrize("believed", [nan, 0.0, 1e9, None])
+@pytest.mark.parametrize(
+    "believed", [nan, *(pytest.param(b, marks=pytest.mark.thorough) for b in (0.0, 1e9, None))]
+)
 def test_land_blind_starts_whatever_the_tracker_believes(run, believed):
     class Mad(Cascade):
         @property
@@ -111,7 +113,9 @@ def test_land_blind_starts_whatever_the_tracker_believes(run, believed):
     assert rests_at_the_end(flown, told)
 
 
-@pytest.mark.parametrize("name", ["limit_speed", "position_error"])
+@pytest.mark.parametrize(
+    "name", ["limit_speed", pytest.param("position_error", marks=pytest.mark.thorough)]
+)
 def test_a_processor_that_raises_is_left_out_and_the_vehicle_lands(run, name):
     processors = (broken("processors", name, "__call__"), part("processors", "fence"))
     flown, told = run(hovers(20.0, processors=processors))
@@ -306,6 +310,7 @@ def test_after_an_interrupt_nobody_takes_off(run):
     assert flown.summary["sim_time_s"] < 15.0
 
 
+@pytest.mark.thorough
 def test_after_the_time_limit_nobody_takes_off(run):
     _, told = run(*two(), flows=(relay(),), time_limit=5.0)
     assert "up" not in path(told, "b")
@@ -394,6 +399,7 @@ def test_a_fault_that_raises_at_work_is_left_out_and_the_flight_goes_on(run, wha
     assert "the fault `gust` failed at work: ZeroDivisionError" in flown.summary["reason"]
 
 
+@pytest.mark.thorough
 def test_a_battery_that_reports_no_more_is_told_and_the_flight_goes_on(run):
     class Unread(GUST.cls):
         def effects(self, vehicle):

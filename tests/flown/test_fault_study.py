@@ -55,7 +55,7 @@ def held(case: Case, seen: Seen) -> list[str]:
     [
         pytest.param("round", "gust", marks=pytest.mark.thorough),
         pytest.param("round", "imu_bias_step", marks=pytest.mark.thorough),
-        ("still", "mocap_noise"),
+        pytest.param("still", "mocap_noise", marks=pytest.mark.thorough),
         pytest.param("up", "mass_change", marks=pytest.mark.thorough),
         ("land_blind", "rotor_weak"),
     ],
@@ -76,6 +76,7 @@ def test_noise_where_the_thrust_has_just_collapsed() -> None:
     assert held(case, seen) == []
 
 
+@pytest.mark.thorough
 def test_two_bodies_that_are_exchanged_bring_neither_off_its_way() -> None:
     seen = study(Case("two_lives", "well", "eight", "mocap_swap"), range(1))
     assert seen.injected

@@ -27,7 +27,7 @@ FAULTS = {
     "imu_bias_step": {"gyro": (0.02, 0.0, 0.0), "accelerometer": (0.1, 0.0, 0.1)},
     "clock_late": {"by": 0.02},
 }
-QUICK = ("mocap_noise", "gust", "rotor_weak", "clock_late")
+QUICK = ("gust", "clock_late")
 
 
 def fault(name, on="a", time=3.0, lasts=1.0, **params):
@@ -73,6 +73,7 @@ def test_a_swap_of_two_in_flight_ends_on_the_ground(run):
     assert {e.vehicle for e in named(told, "landed")} == {"a", "b"}
 
 
+@pytest.mark.thorough
 def test_an_estimator_that_is_killed_is_told_and_the_vehicle_lands_on_the_next(run):
     estimators = tuple(
         EstimatorPlan(one, recover_after=1.0)
@@ -94,6 +95,7 @@ def test_a_fault_that_cannot_be_injected_fails_the_run(run):
     assert "mocap_swap" in flown.summary["reason"]
 
 
+@pytest.mark.thorough
 def test_the_seed_of_the_run_is_that_of_its_faults(run):
     def error():
         return hover_error(run(hovers(), faults=(fault("mocap_dropout", share=0.5),))[0])
@@ -120,6 +122,7 @@ def test_a_vehicle_that_hits_the_floor_in_flight_has_not_flown_its_mission(run):
     assert flown.summary["reason"] == "`a` ran into `the floor`"
 
 
+@pytest.mark.thorough
 def test_on_the_way_to_where_it_lands_the_floor_is_no_place_to_touch_down(run):
     there = part("behaviors", "land", position=(2.0, 0.0, 0.0))
     states = [up("hold", height=0.3), hold(0.5, "down"), state("down", there, then("landed"))]

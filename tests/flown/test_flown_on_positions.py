@@ -29,6 +29,7 @@ def test_it_hovers_within_what_the_positions_are_good_for(run):
     assert off["mean"] == pytest.approx(0.07, abs=0.06)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "seed",
     [

@@ -59,7 +59,7 @@ fly(circling(10.0), RunRequest(out=Path({out!r})),
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("draw", range(2))
+@pytest.mark.parametrize("draw", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_killed_run_is_readable_up_to_the_last_second(tmp_path: Path, draw: int):
     lines = random.Random(draw).randint(100, 400)
     script = CHILD.format(tests=[str(HERE), str(HERE.parent / "support")], out=str(tmp_path))

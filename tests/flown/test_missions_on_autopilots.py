@@ -25,8 +25,6 @@ WAYS = {
 MARKS = {
     ("figure_eight", "emulated_ardupilot"): [pytest.mark.thorough],
     ("courier", "emulated_px4"): [pytest.mark.thorough],
-    ("joystick", "emulated_px4"): [pytest.mark.thorough],
-    ("teleoperation", "emulated_ardupilot"): [pytest.mark.thorough],
 }
 """The tier of each flight; those that aren't named are slow."""
 
@@ -55,7 +53,7 @@ ARDRONES = MISSIONS / "three_ardrones.yaml"
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_three_ardrones_meet_their_expectations(seed: int, tmp_path: Path) -> None:
     succeeds(compiled(ARDRONES, target="emulated_ardrone"), tmp_path, seed=seed)
 
@@ -65,7 +63,11 @@ CUT = "\nfaults:\n  - {{at: 25 s, on: a, inject: link_cut, for: {lasts}}}\n"
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    ("lasts", "last_of_a"), [("1 s", ["turn", "hover", "down", "landed"]), ("100 s", ["fault"])]
+    ("lasts", "last_of_a"),
+    [
+        ("1 s", ["turn", "hover", "down", "landed"]),
+        pytest.param("100 s", ["fault"], marks=pytest.mark.slow),
+    ],
 )
 def test_who_loses_its_wifi_hovers_or_lands_and_the_others_finish(
     lasts: str, last_of_a: list[str], tmp_path: Path

@@ -71,6 +71,7 @@ def times(told: list[Event], name: str) -> dict[str, float]:
     return {e.vehicle: e.time / 1e9 for e in reversed(told) if e.name == name}
 
 
+@pytest.mark.thorough
 def test_it_does_not_land_on_one_that_hovers_below_but_beside(flight_past) -> None:
     run, told = flight_past(ABOVE)
     [waits] = named(told, "behavior_waits")
@@ -91,10 +92,10 @@ def test_two_that_brake_each_other_land_side_by_side_and_say_why(flight_past) ->
 @pytest.mark.parametrize(
     ("goal", "order"),
     [
-        (ABOVE, "operator.land"),
-        (BESIDE, "operator.down_all"),
-        pytest.param(ABOVE, "operator.down_all", marks=pytest.mark.thorough),
-        pytest.param(BESIDE, "operator.land", marks=pytest.mark.thorough),
+        pytest.param(ABOVE, "operator.land", marks=pytest.mark.thorough),
+        pytest.param(BESIDE, "operator.down_all", marks=pytest.mark.thorough),
+        pytest.param(ABOVE, "operator.down_all", marks=pytest.mark.slow),
+        pytest.param(BESIDE, "operator.land", marks=pytest.mark.slow),
     ],
 )
 def test_two_neighbours_land_when_they_are_asked_to(
@@ -106,6 +107,7 @@ def test_two_neighbours_land_when_they_are_asked_to(
     assert run.summary["outcome"] == "succeeded"
 
 
+@pytest.mark.thorough
 def test_over_a_point_where_another_stands_it_waits_and_then_lands_beside(flight_past) -> None:
     _, told = flight_past(ABOVE, at=", position: [0, 0, 0], patience: 2 s")
     [failed] = named(told, "behavior_failed")

@@ -58,6 +58,7 @@ def test_run_until_into_a_pillar_stops_before_it_and_says_so(tmp_path: Path) -> 
     assert named(told, "behavior_failed")
 
 
+@pytest.mark.thorough
 def test_what_is_there_to_be_touched_is_touched_and_no_collision(tmp_path: Path) -> None:
     run, told = flight_of(guarded(tmp_path, "allowed"), tmp_path / "run")
     assert "42 cm" in run.summary["reason"]
@@ -118,7 +119,7 @@ class Nearest:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("frame", ["nano_plus", "mk_quadro"])
+@pytest.mark.parametrize("frame", ["nano_plus", pytest.param("mk_quadro", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("behavior", PRESSED)
 def test_whatever_flies_it_stays_clear_and_says_why(
     behavior: str, frame: str, tmp_path: Path

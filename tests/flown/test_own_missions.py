@@ -110,9 +110,8 @@ expect:
 """
 
 
-@pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(s, marks=pytest.mark.thorough) for s in (1, 2, 3))]
-)
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", [0, *(pytest.param(s, marks=pytest.mark.slow) for s in (1, 2, 3))])
 def test_in_a_lab_one_flies_through_the_air_below_the_other(seed: int, tmp_path: Path) -> None:
     plan = compiled(tmp_path / "below.yaml", BELOW, target="lab", warns=True)
     succeeds(plan, tmp_path / "run", seed=seed)

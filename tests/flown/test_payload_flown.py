@@ -99,6 +99,7 @@ def test_a_mission_loads_delivers_once_and_is_judged(tmp_path: Path) -> None:
     assert rested.fields["z"] == pytest.approx(0.01, abs=0.002)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("way", "reason"),
     [
@@ -116,6 +117,7 @@ def test_a_release_that_does_not_come_about_fails_with_its_reason(run, way, reas
     assert opened[0].asked > (100 if way == "deaf" else 0)
 
 
+@pytest.mark.thorough
 def test_a_link_that_breaks_at_the_release_lands_the_vehicle(run) -> None:
     own, _ = driver("breaks")
     states = [up("drop"), drop("drop", then("down")), down()]
@@ -124,6 +126,7 @@ def test_a_link_that_breaks_at_the_release_lands_the_vehicle(run) -> None:
     assert flown.exit_code == 3
 
 
+@pytest.mark.thorough
 def test_interrupted_before_the_acknowledgement_it_is_released_once(run) -> None:
     own, opened = driver("slow")
     first, again = drop("drop", after(0.5, "hold"), then("down")), drop("again", then("down"))

@@ -3,6 +3,7 @@ without an integral it gives way in each direction as its gain says."""
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 from statistics import mean
 
@@ -39,22 +40,37 @@ def flown_off(run, hovering: VehiclePlan, push: Vec3, pushed: float, seed: int =
     return seen
 
 
-@pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(s, marks=pytest.mark.thorough) for s in (1, 2, 3))]
-)
-@pytest.mark.parametrize("push", [SIDEWAYS, UP, DOWN], ids=["sideways", "up", "down"])
-@pytest.mark.parametrize("frame", [FRAME, NANO], ids=["mk", "nano"])
-def test_half_a_metre_per_second_squared_is_gone_after_a_second(run, frame, push, seed) -> None:
+FRAMES = {"mk": FRAME, "nano": NANO}
+PUSHES = {"sideways": SIDEWAYS, "up": UP, "down": DOWN}
+QUICK, THOROUGH = (("nano", "up", 0),), (("mk", "sideways", 0),)
+
+
+def pushed_flights():
+    """One is flown in every run of the tests, one in the thorough, and each push of each frame with
+    four seeds in the slow."""
+    for frame, push, seed in product(FRAMES, PUSHES, range(4)):
+        case = (frame, push, seed)
+        mark = (
+            () if case in QUICK else pytest.mark.thorough if case in THOROUGH else pytest.mark.slow
+        )
+        yield pytest.param(*case, marks=mark, id=f"{frame}-{push}-{seed}")
+
+
+@pytest.mark.parametrize(("frame", "push", "seed"), list(pushed_flights()))
+def test_half_a_metre_per_second_squared_is_gone_after_a_second(
+    run, frame: str, push: str, seed: int
+) -> None:
     """Sideways 13 mm off at most, on average over five seeds, and 2 mm one second after the push,
     with mk_quadro and nano_plus. The mass is known after 18 s."""
     tracker, driver = (
         part("trackers", "geometric", observer=2.0),
         part("drivers", "sim", calm=False),
     )
-    hovering = hovers(24.0, height=1.0, airframe=frame, tracker=tracker, driver=driver)
-    axis = 2 if push[2] else 0
-    seen = flown_off(run, hovering, push, 18.0, seed)
-    along = [(t, off[axis] * push[axis] / 0.5) for t, off in seen]
+    hovering = hovers(24.0, height=1.0, airframe=FRAMES[frame], tracker=tracker, driver=driver)
+    acceleration = PUSHES[push]
+    axis = 2 if acceleration[2] else 0
+    seen = flown_off(run, hovering, acceleration, 18.0, seed)
+    along = [(t, off[axis] * acceleration[axis] / 0.5) for t, off in seen]
     before = mean(off for t, off in along if -5.0 < t < 0.0)
     assert max(max(map(abs, off)) for t, off in seen if t > 0.0) < 0.06
     assert max(off for t, off in along if t > 0.0) > before + 0.003, "it feels the push"
@@ -75,11 +91,24 @@ def given_way(run, **gains) -> Offs:
 @pytest.mark.parametrize(
     ("gain", "way"),
     [
-        (diagonal(4.0, 9.0, 9.0), (0.4 / 4.0, 0.4 / 9.0)),
-        (((6.0, 3.0, 0.0), (3.0, 9.0, 0.0), (0.0, 0.0, 9.0)), (2.4 / 45.0, 1.2 / 45.0)),
-        (diagonal(9.0, 9.0, 4.0), (0.4 / 9.0, 0.4 / 9.0)),
+        pytest.param(
+            diagonal(4.0, 9.0, 9.0),
+            (0.4 / 4.0, 0.4 / 9.0),
+            id="apart",
+            marks=pytest.mark.thorough,
+        ),
+        pytest.param(
+            ((6.0, 3.0, 0.0), (3.0, 9.0, 0.0), (0.0, 0.0, 9.0)),
+            (2.4 / 45.0, 1.2 / 45.0),
+            id="coupled",
+        ),
+        pytest.param(
+            diagonal(9.0, 9.0, 4.0),
+            (0.4 / 9.0, 0.4 / 9.0),
+            id="alike",
+            marks=pytest.mark.slow,
+        ),
     ],
-    ids=["apart", "coupled", "alike"],
 )
 def test_it_gives_way_until_the_gains_pull_against_the_push(run, gain: Rows, way) -> None:
     """The push is along the diagonal of x and y: where the gain times the way is, too."""
@@ -88,6 +117,7 @@ def test_it_gives_way_until_the_gains_pull_against_the_push(run, gain: Rows, way
     assert (x, y) == pytest.approx(way, abs=0.004)
 
 
+@pytest.mark.thorough
 def test_the_scalars_own_diagonal_flies_the_same(run) -> None:
     assert given_way(run, position_gain=diagonal(9.0, 9.0, 9.0)) == given_way(run)
 

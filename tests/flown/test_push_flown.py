@@ -27,6 +27,7 @@ def times(told: list[Event], name: str, **fields: str) -> list[float]:
     return [e.time / NS for e in found if fields.items() <= e.fields.items()]
 
 
+@pytest.mark.thorough
 def test_contact_is_inferred_soon_after_it_is_true(tmp_path) -> None:
     told, summary = flown(TEXT + CALLBACKS, tmp_path)
     assert summary["outcome"] == "succeeded"
@@ -37,6 +38,7 @@ def test_contact_is_inferred_soon_after_it_is_true(tmp_path) -> None:
     assert ended - 0.1 < missed < ended + 0.5
 
 
+@pytest.mark.thorough
 def test_it_lets_go_in_a_fifth_of_a_second_when_somebody_takes_the_cart_away(tmp_path) -> None:
     hand = "{when: cart.position > 60 cm, on: drone, inject: push_object, object: cart"
     told, _ = flown(f"{TEXT}faults:\n  - {hand}, force: [6 N, 0, 0], for: 0.3 s}}\n", tmp_path)
@@ -46,6 +48,7 @@ def test_it_lets_go_in_a_fifth_of_a_second_when_somebody_takes_the_cart_away(tmp
     assert [e.fields["behavior"] for e in told if e.name == "behavior_started"][-1] == "landed"
 
 
+@pytest.mark.thorough
 def test_it_lets_go_of_a_cart_that_motion_capture_loses(tmp_path) -> None:
     lost = "{when: cart.position > 30 cm, on: drone, inject: mocap_dropout, object: cart, for: 1 s}"
     told, _ = flown(f"{TEXT}faults:\n  - {lost}\n", tmp_path)
@@ -70,6 +73,7 @@ def test_the_failsafe_lands_beside_what_the_vehicle_pushes(tmp_path) -> None:
     assert times(told, "landed")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [1, 2])
 def test_at_the_stop_it_no_longer_presses_and_lets_go(seed: int, tmp_path) -> None:
     text = TEXT.replace("to: 2 m", "to: 60 cm").replace("$goal - 1 cm", "59 cm")

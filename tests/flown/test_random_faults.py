@@ -132,7 +132,7 @@ HARDLY_DRAWN = {"camera_swapped"}
 """Not drawn in 700 flights: it takes two vehicles with cameras."""
 
 
-@pytest.mark.thorough
+@pytest.mark.slow  # it compiles hundreds of missions, of a study that CI doesn't run
 def test_every_fault_of_the_catalog_and_every_scenario_is_drawn(tmp_path: Path) -> None:
     folder = with_library(tmp_path)
     missing = {*SCENARIOS, *load_catalog().names("faults")} - HARDLY_DRAWN

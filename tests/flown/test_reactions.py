@@ -98,6 +98,7 @@ def test_a_brake_ends_a_second_after_its_alarms_and_the_mission_goes_on(run):
     assert velocity <= 0.01
 
 
+@pytest.mark.thorough
 def test_two_alarms_brake_until_both_are_silent(run):
     one = alarming((6.0, 6.5, BRAKE), event="one")
     two = alarming((6.2, 8.0, BRAKE), event="two")
@@ -107,6 +108,7 @@ def test_two_alarms_brake_until_both_are_silent(run):
     assert ended.fields["alarm"] == "one and two"
 
 
+@pytest.mark.thorough
 def test_a_brake_that_comes_again_holds_for_good_and_lands(run):
     alarms = alarming((6.0, 6.5, BRAKE), (9.0, 9.5, BRAKE))
     flown, told = run(flight(alarms, hover_limit=5.0))
@@ -118,6 +120,7 @@ def test_a_brake_that_comes_again_holds_for_good_and_lands(run):
     assert flown.exit_code == 1
 
 
+@pytest.mark.thorough
 def test_a_brake_whose_cause_passes_ends_a_second_time_once_the_vehicle_stands(run):
     alarms = alarming((6.0, 6.1, BRAKE), (9.0, 9.1, BRAKE), passes=True)
     flown, told = run(flight(alarms))

@@ -35,7 +35,13 @@ def frozen():
 
 
 @pytest.mark.parametrize(
-    ("driver", "code"), [({}, 0), ({"driver": wrapped(lambda _, link: Loose(link))}, 3)]
+    ("driver", "code"),
+    [
+        ({}, 0),
+        pytest.param(
+            {"driver": wrapped(lambda _, link: Loose(link))}, 3, marks=pytest.mark.thorough
+        ),
+    ],
 )
 def test_no_tick_searches_what_was_there_before(run, frozen, driver, code):
     looks = itertools.count()

@@ -190,7 +190,7 @@ def moments(seed: int) -> Say:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("by", ["velocity", "signals"])
+@pytest.mark.parametrize("by", ["velocity", pytest.param("signals", marks=pytest.mark.slow)])
 def test_hand_overs_at_a_hundred_random_moments_have_no_step(
     run, kept: list[tuple[Time, Setpoint]], by: str
 ) -> None:

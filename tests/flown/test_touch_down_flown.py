@@ -55,6 +55,7 @@ def touch_down(mission: str, seed: int, tmp_path, *faults: FaultPlan):
     return flight.summary, told, watch
 
 
+@pytest.mark.thorough
 def test_a_link_cut_and_a_weak_battery_in_a_landing_end_on_the_floor(tmp_path):
     late = Compare(">", Read("nano", "elapsed"), Quantity(2.63, DURATION))
     when = And((InState("nano", "down"), late))
@@ -88,6 +89,7 @@ class Boasting(Behavior[NoParams], flight=WAYS, emits=SetpointKind.POSITION):
         return Done(IDLE)
 
 
+@pytest.mark.thorough
 def test_a_behavior_that_says_so_in_the_air_has_not_landed(run):
     watch = Watch("a")
     boast = state("boast", Boasting, then("landed"), failed("auto_land"))

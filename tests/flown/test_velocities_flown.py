@@ -32,7 +32,11 @@ def flight(run, tracker: str, processors: list, velocity=(0.9, 0.0, 0.0), **more
 @pytest.mark.parametrize(
     ("tracker", "velocity"),
     [
-        pytest.param(tracker, velocity, marks=[] if i == k else [pytest.mark.thorough])
+        pytest.param(
+            tracker,
+            velocity,
+            marks=[] if i == k == 0 else pytest.mark.thorough if i == k else pytest.mark.slow,
+        )
         for i, tracker in enumerate(TRACKERS)
         for k, velocity in enumerate(VELOCITIES)
     ],

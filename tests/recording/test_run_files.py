@@ -80,6 +80,7 @@ def test_the_run_folder_is_enough_to_fly_again(folder: Path) -> None:
     assert messages == recorded(again.folder)
 
 
+@pytest.mark.thorough
 def test_an_earlier_run_that_holds_copies_is_an_earlier_run(folder: Path) -> None:
     mission, out = folder / "missions/mission.yaml", folder / "out"
     flight_from(mission, out)

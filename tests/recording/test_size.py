@@ -15,9 +15,10 @@ SECONDS = 8.0
 """Then every vehicle lands, which is recorded too."""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("mission", "budget"),
-    [("figure_eight", 66_000), pytest.param("courier", 76_000, marks=pytest.mark.thorough)],
+    [("figure_eight", 66_000), ("courier", 76_000)],
 )
 def test_a_recording_takes_no_more_than_its_budget(
     mission: str, budget: float, tmp_path: Path

@@ -13,6 +13,8 @@ from kybflow.report.data import read_run
 from kybflow.report.estimator_pages import statistics_of
 from kybflow.report.page import render
 
+pytestmark = pytest.mark.thorough
+
 MISSION = """
 kybflow: 1
 mission: seen

@@ -170,6 +170,7 @@ def deaf(since=0.0):
     return bent(lambda measurement, now: measurement if now < since * NS else None)
 
 
+@pytest.mark.thorough
 def test_a_lost_estimate_lands_blind_from_two_metres(run):
     states = [up("hold", height=1.5), hold(20.0, "down"), down()]
     flown, told = run(vehicle("a", states, driver=deaf(8.0)))
@@ -304,6 +305,7 @@ def test_options_of_the_command_line_reach_the_part_and_the_record(run):
     assert named(told, "position_error_exceeded")[0].fields["bound"] == pytest.approx(0.32)
 
 
+@pytest.mark.thorough
 def test_an_option_reaches_a_living_estimator(run):
     parts = []
 

@@ -120,6 +120,7 @@ def test_where_only_positions_are_flown_by_it_says_that_their_frame_is_not_judge
     assert line.reason.startswith("not judged: positions without an attitude")
 
 
+@pytest.mark.thorough
 def test_a_flight_without_an_imu_raises_no_alarm_about_the_frame(run):
     """The preflight has said that nothing is judged."""
     driver = wrapped(lambda _, link: Heard(link, without(Imu)))
@@ -164,6 +165,7 @@ def test_the_link_is_red_until_the_vehicle_itself_has_delivered(arrives, heard, 
     assert (line.check, line.green, line.reason) == ("link", green, reason)
 
 
+@pytest.mark.thorough
 def test_two_swapped_bodies_are_named():
     class SwappedSim(Sim):
         @classmethod
@@ -357,6 +359,7 @@ def test_outside_the_fence_and_inside_an_obstacle_it_stays():
     assert "from `pillar` (0.10 m needed)" in found["a", "obstacles"].reason
 
 
+@pytest.mark.thorough
 def test_below_a_moving_obstacle_it_stays():
     ball = MovingSphere(((0.0, 0.0, 0.5), (0.0, 0.2, 0.5)), 0.2, 0.01)
     found = checks(flight(), moving={"ball": ball})
@@ -365,6 +368,7 @@ def test_below_a_moving_obstacle_it_stays():
     assert "from `ball` (0.10 m needed)" in found["a", "obstacles"].reason
 
 
+@pytest.mark.thorough
 def test_two_that_would_brake_at_once_stay():
     found = checks(flight("a"), flight("b", start=(0.22, 0.0, 0.0)))
     line = found["a", "supervisors.proximity"]
@@ -383,6 +387,7 @@ def test_what_a_supervisor_foresees_is_said_with_its_mission_line(run):
     assert flown.exit_code == 1
 
 
+@pytest.mark.thorough
 def test_a_second_take_off_asks_where_it_landed(run):
     again = state(
         "again", part("behaviors", "wait_on_ground"), TransitionPlan(target="up2", after=4.0)

@@ -100,7 +100,13 @@ def test_it_is_the_picture_that_averaging_over_each_pixel_gives(at: Truth) -> No
 
 
 @pytest.mark.parametrize("at", [body(), TURNED, FAST, FAST._replace(position=(0.6, -0.6, 0.6))])
-@pytest.mark.parametrize("optics", [SHARP, Optics(**CLEAN)], ids=["sharp", "real"])
+@pytest.mark.parametrize(
+    "optics",
+    [
+        pytest.param(SHARP, id="sharp", marks=pytest.mark.thorough),
+        pytest.param(Optics(**CLEAN), id="real"),
+    ],
+)
 def test_what_the_detector_finds_is_where_the_projection_says(at: Truth, optics: Optics) -> None:
     tags = floor()
     found = find(draw(tags, optics, at))

@@ -55,6 +55,7 @@ def test_without_noise_the_pose_is_exact_wherever_it_starts(position, turn):
         assert len(located.used) == len(view.tags)
 
 
+@pytest.mark.thorough
 def test_the_covariance_is_that_of_the_errors():
     """The mean of the squared normalised error is the number of dimensions (chi-squared)."""
     generator = numpy.random.default_rng(2)
@@ -73,7 +74,7 @@ def test_the_covariance_is_that_of_the_errors():
     ("start", "by"),
     [
         (True, 0.3),
-        (False, 0.02),
+        pytest.param(False, 0.02, marks=pytest.mark.thorough),
         pytest.param(True, 0.02, marks=pytest.mark.thorough),
         pytest.param(False, 0.3, marks=pytest.mark.thorough),
     ],

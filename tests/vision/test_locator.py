@@ -73,12 +73,14 @@ def test_where_there_are_no_tags_none_is_found():
 
 LIGHT = [
     pytest.param({}, 0.001, id="default"),
-    pytest.param({"brightness": 0.12}, 0.001, id="dim"),
-    pytest.param({"brightness": 2.0}, 0.004, id="overexposed"),
-    pytest.param({"read_noise": 8.0, "shot_noise": 6.0}, 0.001, id="noisy"),
+    pytest.param({"brightness": 0.12}, 0.001, id="dim", marks=pytest.mark.thorough),
+    pytest.param({"brightness": 2.0}, 0.004, id="overexposed", marks=pytest.mark.thorough),
+    pytest.param(
+        {"read_noise": 8.0, "shot_noise": 6.0}, 0.001, id="noisy", marks=pytest.mark.thorough
+    ),
     pytest.param({"blur": 2.5}, 0.006, id="out of focus"),
     pytest.param({"exposure": 0.015}, 0.008, id="moving"),
-    pytest.param({"covered": 0.3}, 0.001, id="covered"),
+    pytest.param({"covered": 0.3}, 0.001, id="covered", marks=pytest.mark.thorough),
 ]
 
 
@@ -115,6 +117,7 @@ def test_tags_that_are_wrong_in_the_map_are_left_out():
         assert not wrong & {key[1] for key in located.used}
 
 
+@pytest.mark.thorough
 def test_tags_that_lie_in_each_others_places_are_left_out():
     clean, mixed, generator = room(TAGS), room(TAGS, misplaced=0.3), numpy.random.default_rng(3)
     locators = [Locator(TagMap(TAGS), {"down": CAMERA}) for _ in range(2)]
@@ -130,6 +133,7 @@ def test_tags_that_lie_in_each_others_places_are_left_out():
     assert numpy.mean(errors[1]) <= 2.0 * numpy.mean(errors[0])
 
 
+@pytest.mark.thorough
 def test_tags_in_each_others_places_are_left_out_without_a_prediction():
     for seed in range(6):
         locator = Locator(TagMap(TAGS), {"down": CAMERA})
@@ -137,6 +141,7 @@ def test_tags_in_each_others_places_are_left_out_without_a_prediction():
         assert off(*located[:2], BODY)[0] < 0.001
 
 
+@pytest.mark.thorough
 def test_in_the_dark_there_is_no_pose_and_the_whole_image_is_searched_ever_more_rarely():
     locator, drawn = Locator(TagMap(TAGS), {"down": CAMERA}), room(TAGS)
     searched = []

@@ -62,6 +62,7 @@ def test_a_small_tag_is_on_a_sheet_and_errs_less() -> None:
         assert tag.position[2] == pytest.approx(0.25 * large.position[2])
 
 
+@pytest.mark.thorough
 def test_cameras_differ_by_what_is_declared() -> None:
     found = [miscalibrated(BELIEVED, LAB, seed) for seed in range(300)]
     cameras = [there.cameras[0] for there in found]

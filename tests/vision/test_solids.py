@@ -115,6 +115,7 @@ def ids(room: Room, body: Truth = ABOVE) -> set[int]:
     return set(find(room.draw(CAMERA, body)))
 
 
+@pytest.mark.thorough
 def test_obstacles_and_a_parcel_hide_tags_and_nothing_else_changes() -> None:
     free = Room(TAGS, CLEAN, 1)
     obstacles = {"pillar": SHAPES["pillar"], "far": Sphere((9.0, 0.0, 0.0), 0.5)}

@@ -59,10 +59,14 @@ def off(located: Located) -> list[float]:
     "kinds",
     [
         ("focal_error",),
-        ("k1_error",),
-        ("mount_error",),
-        ("mount_misalignment",),
-        ("survey_error", "height_error", "survey_turn"),
+        *(
+            pytest.param(kinds, marks=pytest.mark.thorough)
+            for kinds in (("mount_misalignment",), ("survey_error", "height_error", "survey_turn"))
+        ),
+        *(
+            pytest.param(kinds, marks=pytest.mark.slow)
+            for kinds in (("k1_error",), ("mount_error",))
+        ),
     ],
 )
 def test_poses_err_as_the_slopes_say(kinds: tuple[str, ...]) -> None:

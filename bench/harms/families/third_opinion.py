@@ -190,8 +190,10 @@ def _obstacle(mission: Mission, entry: str) -> Edit:
 
 
 def _object(mission: Mission, entry: str) -> Edit:
-    world = mission.at("world")
+    objects, world = mission.at("world", "objects"), mission.at("world")
     assert world is not None
+    if objects is not None:
+        return add(objects, entry)
     return add(world, f"objects: {{{entry}}}")
 
 

@@ -26,7 +26,7 @@ def member(name: str, start: float, come_after: float) -> Any:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("width", [80, 120])
+@pytest.mark.parametrize("width", [80, pytest.param(120, marks=pytest.mark.slow)])
 def test_it_shows_the_phase_what_is_waited_for_and_who_is_nearest(run: Any, width: int) -> None:
     requests = {"a": Request("up"), "b": Request("up")}
     phase = PhasePlan(name="launch", run=requests, give={}, options=(), transitions=())

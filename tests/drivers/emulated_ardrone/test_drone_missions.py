@@ -193,6 +193,7 @@ OPERATOR = """t, x, y, z, turn, buttons, lost
 """
 
 
+@pytest.mark.thorough
 def test_an_operator_takes_a_drone_and_gives_it_back(tmp_path):
     (tmp_path / "operator.csv").write_text(OPERATOR, encoding="utf-8")
     seen = []

@@ -81,7 +81,7 @@ OLDEST, HELD = 0.1, 0.2
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("rate", [RATES[0], RATES[-1]])
+@pytest.mark.parametrize("rate", [RATES[0], pytest.param(RATES[-1], marks=pytest.mark.slow)])
 def test_three_drones_over_sockets_on_a_bad_link(rate, tmp_path, monkeypatch):
     ages = check_connection(rate, 8.0, tmp_path, monkeypatch)
     assert ages[len(ages) // 2] <= OLDEST
@@ -111,7 +111,7 @@ def check_connection(rate, seconds, out, monkeypatch):
     return sorted(ages.seconds)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow  # two flights in real time; the thorough ones over sockets have their own bounds
 def test_over_sockets_it_flies_as_in_memory(tmp_path):
     errors = []
     for network in (False, True):

@@ -15,7 +15,8 @@ from kybflow.core.signals import NS
 from kybflow.drivers.ardrone.navdata import Phase
 from kybflow.drivers.emulated_ardrone.drone import OnboardDrone
 
-MORE = [pytest.param(rate, marks=pytest.mark.slow) for rate in (50, 100)]
+MORE = [pytest.param(rate, marks=pytest.mark.slow) for rate in (50, 100, 200)]
+"""At the highest rate one drone flies in the thorough tests, for three for a minute take long."""
 FAULT = "faults:\n  - {{at: {at}, on: a, inject: link_cut, for: {lasts}}}\n"
 
 
@@ -28,7 +29,7 @@ def test_a_bad_link_disconnects_nobody(rate, tmp_path, monkeypatch):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("rate", [30, *MORE, 200])
+@pytest.mark.parametrize("rate", [30, *MORE])
 def test_three_drones_for_a_minute_on_bad_links(rate, tmp_path, monkeypatch):
     ages = AgesOnReceipt(monkeypatch)
     text = mission(["a", "b", "c"], 60.0)
@@ -52,7 +53,7 @@ def check_connection(session, ages):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("late", [0.3, 0.5, 1.0])
+@pytest.mark.parametrize("late", [0.3, pytest.param(0.5, marks=pytest.mark.slow), 1.0])
 def test_commands_that_arrive_late_land_it(late, tmp_path):
     fault = f"faults:\n  - {{at: 12 s, on: a, inject: clock_late, by: {late} s, for: 60 s}}\n"
     watch = []
@@ -111,6 +112,7 @@ def test_wifi_that_is_lost_for_good_lands_that_drone_and_the_other_finishes(tmp_
     assert ways == ["up", "turn", "down", "landed"]
 
 
+@pytest.mark.thorough
 def test_the_same_seed_flies_the_same_flight(tmp_path):
     logs = []
     for name in ("one", "other"):
@@ -129,6 +131,7 @@ def test_over_sockets_it_keeps_real_time_and_refuses_another_pace(tmp_path):
         pace_of(plan, 4.0)
 
 
+@pytest.mark.thorough
 def test_it_flies_on_the_fusion_of_its_imu_and_motion_capture(tmp_path):
     fused = "estimators: [{use: fusion, healthy: spread < 5 cm}]\n    behaviors:"
     text = mission(["a"], 6.0).replace("behaviors:", fused, 1)

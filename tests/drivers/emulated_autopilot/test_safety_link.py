@@ -14,18 +14,23 @@ from short_flights import down, hold, up
 
 HIGH, HIGH_AT = 2.2, 12.0
 """PX4 needs 2.2 s to be taken back, and sinks by 0.7 m/s meanwhile."""
-thorough = pytest.mark.thorough
+thorough, slow = pytest.mark.thorough, pytest.mark.slow
 PATIENT = {"link": {"age": 10.0}}
 NOTICES = {"px4": 1.1, "ardupilot": 2.1}
 """When at the latest its own failsafe has it, seconds after the last word."""
 
 
 def each(*quick):
-    """Every autopilot with every length of the cut; those that are not `quick` are thorough."""
+    """Every autopilot with every length of the cut; of those that are not `quick` a short one with
+    each autopilot is thorough."""
     return pytest.mark.parametrize(
         ("autopilot", "seconds"),
         [
-            pytest.param(name, seconds, marks=[] if (name, seconds) in quick else [thorough])
+            pytest.param(
+                name,
+                seconds,
+                marks=() if (name, seconds) in quick else thorough if seconds < 0.5 else slow,
+            )
             for name in AUTOPILOTS
             for seconds in (0.3, 1.0, 5.0)
         ],
@@ -189,7 +194,7 @@ def test_a_slow_link_is_noticed_and_the_autopilot_lands_it(autopilot, tmp_path):
 
 @thorough
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
-@pytest.mark.parametrize(("seconds", "by"), [(0.4, 0.3), (None, 0.05)])
+@pytest.mark.parametrize(("seconds", "by"), [(0.4, 0.3), pytest.param(None, 0.05, marks=slow)])
 def test_a_hiccup_is_no_slow_link_nor_is_one_that_is_a_little_late(
     autopilot, seconds, by, tmp_path
 ):

@@ -43,8 +43,14 @@ BURDENS = {
 }
 
 
-@pytest.mark.parametrize("target", ["sim", "emulated_px4", "emulated_ardupilot"])
-@pytest.mark.parametrize("burden", BURDENS)
+@pytest.mark.parametrize(
+    ("burden", "target"),
+    [
+        pytest.param(burden, target, marks=[] if i % 3 == k else [pytest.mark.slow])
+        for i, burden in enumerate(BURDENS)
+        for k, target in enumerate(("sim", "emulated_px4", "emulated_ardupilot"))
+    ],
+)
 def test_it_stays_in_the_air(burden: str, target: str, tmp_path: Path) -> None:
     height, fault = BURDENS[burden]
     plan = compiled(

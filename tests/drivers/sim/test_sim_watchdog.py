@@ -53,7 +53,7 @@ HEIGHTS = {0.6: 0, 1.5: 1, 2.5: 2}
 @pytest.mark.parametrize(
     ("height", "seed"),
     [
-        pytest.param(height, seed, marks=[] if seed == quick else [pytest.mark.thorough])
+        pytest.param(height, seed, marks=[] if seed == quick else [pytest.mark.slow])
         for height, quick in HEIGHTS.items()
         for seed in range(3)
     ],

@@ -101,8 +101,13 @@ OLD = replace(DELAYED, mocap_latency=0.06)
 @pytest.mark.parametrize("axis", MODELS)
 @pytest.mark.parametrize(
     ("frame", "params"),
-    [(FRAME, DELAYED), (NANO, DELAYED), (as_px4(FRAME), DELAYED), (FRAME, LATE), (FRAME, OLD)],
-    ids=["mk", "nano", "as PX4", "late commands", "old poses"],
+    [
+        pytest.param(FRAME, DELAYED, id="mk"),
+        pytest.param(NANO, DELAYED, id="nano", marks=pytest.mark.thorough),
+        pytest.param(as_px4(FRAME), DELAYED, id="as PX4", marks=pytest.mark.thorough),
+        pytest.param(FRAME, LATE, id="late commands", marks=pytest.mark.thorough),
+        pytest.param(FRAME, OLD, id="old poses", marks=pytest.mark.thorough),
+    ],
 )
 def test_it_oscillates_within_a_quarter_of_the_computed_delay(frame, params, axis: int) -> None:
     site = context(frame, params)

@@ -20,7 +20,7 @@ def _circle(start: Vec3, **params: float) -> Circle:
     return Circle(CircleParams(center=CENTER, radius=0.8, **params), entry(start))
 
 
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(st.tuples(numbers, numbers, st.floats(0.5, 2.0)))
 def test_it_keeps_its_radius_and_has_no_step_from_wherever_it_starts(start: Vec3) -> None:
     flown = fly(_circle(start, laps=1.0), ideal(start))

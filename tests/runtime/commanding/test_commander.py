@@ -40,6 +40,7 @@ def operators(told: list[Event]) -> list[str]:
     return [name for e in told if (name := e.name.removeprefix("operator.")) != e.name]
 
 
+@pytest.mark.thorough
 def test_an_event_is_given_at_its_time_and_heard_in_the_next_tick(run):
     flown, told = run(waiting(), emitted=((2.0, "operator.go"),))
     [given] = named(told, "operator.go")
@@ -55,6 +56,7 @@ def test_events_are_given_in_the_order_of_their_times(run):
     assert operators(told) == ["go", "land"]
 
 
+@pytest.mark.thorough
 def test_pause_holds_and_resume_goes_on_with_the_same(run):
     calm, _ = run(held(2.0))
     paused, told = run(held(2.0), emitted=((6.0, "operator.pause"), (9.0, "operator.resume")))
@@ -70,6 +72,7 @@ def test_land_lands(run):
     assert flown.exit_code == 0
 
 
+@pytest.mark.thorough
 def test_stop_lands_and_ends_a_vehicle_that_waits_on_the_ground_too(run):
     flying = held(name="b", start=(1.0, 1.0, 0.0))
     flown, told = run(waiting(), flying, emitted=((8.0, "operator.stop"),))
@@ -213,6 +216,7 @@ def test_one_commander_is_heard_until_another_takes_the_lease(run):
     assert [e.fields["by"] for e in released] == ["ben"]
 
 
+@pytest.mark.thorough
 def test_a_part_that_raises_is_an_answer_and_no_end_of_the_flight(run):
     class Broken(Still, flight=AIR >> AIR, emits=SetpointKind.POSITION):
         def __init__(self, params, entry):

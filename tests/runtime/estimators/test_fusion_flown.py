@@ -113,6 +113,7 @@ def watched(run, seed: int) -> tuple[Watch, float]:
     return watch, behaviors[1]["position_error_m"]["mean"]
 
 
+@pytest.mark.thorough
 def test_the_eight_is_flown_within_six_centimetres(run) -> None:
     watch, error = watched(run, 1)
     assert len(watch.nees) > 15

@@ -90,6 +90,7 @@ def test_over_a_minute_of_flight_the_error_is_a_few_millimetres():
     checked(errors_of(lively(), 60.0, room(TAGS), TAGS)[0])
 
 
+@pytest.mark.thorough
 def test_a_map_of_which_a_third_is_wrong_costs_nothing(undisturbed):
     wrong, _ = misplaced(TAGS, 0.3, numpy.random.default_rng(4))
     errors, _ = errors_of(lively(), 1.5, room(TAGS), wrong)
@@ -98,6 +99,7 @@ def test_a_map_of_which_a_third_is_wrong_costs_nothing(undisturbed):
     assert numpy.mean([e[0] for e in errors]) <= 2.0 * numpy.mean([e[0] for e in clean])
 
 
+@pytest.mark.thorough
 def test_in_the_dark_the_estimate_ages_and_afterwards_it_is_right_again():
     dark = {"weakness": lambda t: {"dark": 0.8 < t < 1.3}}
     errors, estimates = errors_of(lively(), 2.0, room(TAGS), TAGS, begin=0.0, **dark)
@@ -106,6 +108,7 @@ def test_in_the_dark_the_estimate_ages_and_afterwards_it_is_right_again():
     assert estimates[119].age > 0.35
 
 
+@pytest.mark.thorough
 def test_where_the_vehicle_is_carried_off_there_is_no_estimate_and_then_the_right_one():
     def carried(t):
         (x, y, z), attitude = lively()(t)
@@ -119,7 +122,7 @@ def test_where_the_vehicle_is_carried_off_there_is_no_estimate_and_then_the_righ
 
 
 HEIGHTS, LIGHTS = (0.1, 0.13, 0.17, 0.2, 0.25), (0.8, 0.15, 0.4, 1.0, 1.5)
-QUICK = ((0.1, 0.8), (0.2, 1.0))
+QUICK = ((0.1, 0.8),)
 THOROUGH = ((0.13, 0.15), (0.17, 0.4), (0.25, 1.5))
 
 

@@ -226,6 +226,7 @@ def test_a_flight_is_switched_and_its_options_changed_by_its_events(run):
     assert flown.exit_code == 0
 
 
+@pytest.mark.thorough
 def test_what_was_told_before_the_first_tick_is_answered_in_it(run):
     callbacks = (
         on("run_started", LogText("begun"), vehicles=("",)),
@@ -235,6 +236,7 @@ def test_what_was_told_before_the_first_tick_is_answered_in_it(run):
     assert [e.fields["text"] for e in named(told, "logged")] == ["begun", "up"]
 
 
+@pytest.mark.thorough
 def test_a_vehicle_that_rests_is_waited_for_when_it_is_asked_for_more(run):
     again = on("behavior_started", Switch("a", "again"), fields=(("behavior", "landed"),))
     states = [up("down"), down(), state("again", up("x").behavior, then("hover"))]
@@ -251,6 +253,7 @@ def test_arrows_hear_what_is_emitted_one_tick_later(run):
     assert left.time - emitted == NS // 250
 
 
+@pytest.mark.thorough
 def test_stop_lands_everybody_and_the_run_ended_as_it_should(run):
     callbacks = (on("took_off", Stop("seen enough")),)
     a = vehicle("a", [up("hold"), hold(60.0, "down"), down()], start=(-1.0, 0.0, 0.0))

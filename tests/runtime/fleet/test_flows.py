@@ -413,6 +413,7 @@ def test_a_vehicle_that_waits_for_its_flow_does_not_end_the_run(run) -> None:
     assert phases[1]["start_s"] - phases[0]["start_s"] == pytest.approx(2.0, abs=0.01)
 
 
+@pytest.mark.thorough
 def test_a_switch_that_the_flight_types_forbid_is_heard_by_the_flow(run) -> None:
     team = flow(
         "team",
@@ -498,6 +499,7 @@ def test_a_callback_enters_a_phase(run) -> None:
     assert ends == [("launch", "next"), ("still", "asked"), ("land", "done")]
 
 
+@pytest.mark.thorough
 def test_a_run_whose_vehicles_are_all_lost_ends_though_a_flow_waits(run) -> None:
     team = aloft(phase("forever", go("end", event="operator.go"), run={"a": "still"}))
     fault = when_begins("forever", lambda a: a.land("lost"))
@@ -506,6 +508,7 @@ def test_a_run_whose_vehicles_are_all_lost_ends_though_a_flow_waits(run) -> None
     assert flown.summary["flows"]["team"]["phases"][-1]["ended"] == "run_ended"
 
 
+@pytest.mark.thorough
 def test_a_pad_that_is_left_and_come_back_to_is_one_flow_of_two_vehicles(run) -> None:
     """b waits in the air while a, given to `solo`, lands, waits and takes off again."""
     both = GroupInState("all", "both", ("a", "b"), "hover")
@@ -563,6 +566,7 @@ def test_a_way_out_of_a_phase_tells_its_event():
     assert (told.vehicle, told.at) == ("", "m.yaml:7")
 
 
+@pytest.mark.thorough
 def test_a_way_out_of_a_state_tells_its_event_to_everybody(run):
     tells = state("hold", hover(), TransitionPlan(target="down", after=1.0, emit="a_is_done"))
     hears = state("hold", hover(), TransitionPlan(target="down", event="a_is_done"))

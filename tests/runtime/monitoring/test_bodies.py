@@ -372,6 +372,7 @@ def bodies(told):
     return [(e.vehicle, e.name) for e in told if e.name in EVENTS]
 
 
+@pytest.mark.thorough
 def test_noiseless_motion_capture_is_never_frozen(run):
     quiet = part("drivers", "sim", mocap_position_noise=0.0, mocap_attitude_noise=0.0)
     flown, told = run(flier(driver=quiet))
@@ -381,7 +382,11 @@ def test_noiseless_motion_capture_is_never_frozen(run):
 
 
 @pytest.mark.parametrize(
-    ("name", "event"), [("mocap_frozen", "body_froze"), ("mocap_dropout", "body_lost")]
+    ("name", "event"),
+    [
+        ("mocap_frozen", "body_froze"),
+        pytest.param("mocap_dropout", "body_lost", marks=pytest.mark.thorough),
+    ],
 )
 def test_a_body_that_freezes_or_is_lost_is_told_and_the_fallback_flies(run, name, event):
     flown, told = run(flier(estimators=FALLBACK), faults=(fault(name, 1.0),))
@@ -396,6 +401,7 @@ def test_a_body_that_freezes_or_is_lost_is_told_and_the_fallback_flies(run, name
     assert flown.summary["vehicles"]["a"]["behaviors"][1]["position_error_m"]["max"] < 0.3
 
 
+@pytest.mark.thorough
 def test_true_poses_are_flown_on_again_though_dead_reckoning_drifted(run):
     """It drifts by 0.7 m in the 1.54 s in which nothing true is measured; then poses are far from
     it, but agree, and are believed."""

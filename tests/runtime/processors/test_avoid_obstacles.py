@@ -87,7 +87,12 @@ class Crossing:
 
 @pytest.mark.parametrize("count", [2, 3, 8])
 @pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(s, marks=pytest.mark.thorough) for s in range(1, 8))]
+    "seed",
+    [
+        0,
+        pytest.param(1, marks=pytest.mark.thorough),
+        *(pytest.param(s, marks=pytest.mark.slow) for s in range(2, 8)),
+    ],
 )
 def test_those_who_meet_in_a_point_go_round_each_other(count: int, seed: int) -> None:
     crossing = Crossing(count, seed)

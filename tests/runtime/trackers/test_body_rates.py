@@ -127,6 +127,7 @@ def test_an_option_that_changes_counts_in_the_next_tick() -> None:
     assert command.rates[0] == pytest.approx(-0.4)
 
 
+@pytest.mark.thorough
 def test_a_vehicle_that_follows_rates_flies_a_mission_by_it(run) -> None:
     driver, opened = following(RATES)
     eight = part("behaviors", "figure_eight", width=1.2, lap=7.0)

@@ -175,7 +175,9 @@ def errors(flown) -> tuple[float, float, float, float]:
     return position["mean"], position["max"], velocity["mean"], velocity["max"]
 
 
-@pytest.mark.parametrize("lap", [pytest.param(10.0, marks=pytest.mark.thorough), 5.0])
+@pytest.mark.parametrize(
+    "lap", [pytest.param(lap, marks=pytest.mark.thorough) for lap in (10.0, 5.0)]
+)
 def test_it_flies_the_eight_nearer_than_cascade(run, lap: float) -> None:
     cascade, _ = run(*eight("cascade", lap))
     flown, _ = run(*eight("geometric", lap))
@@ -184,7 +186,7 @@ def test_it_flies_the_eight_nearer_than_cascade(run, lap: float) -> None:
         assert own < other
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.thorough)])
 def test_it_hovers_in_place(run, seed: int) -> None:
     states = [up("hold"), hold(3.0, "down"), down()]
     flown, _ = run(vehicle("a", states, tracker=part("trackers", "geometric")), seed=seed)

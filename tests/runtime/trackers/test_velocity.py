@@ -88,7 +88,10 @@ def test_whatever_the_error_tilt_and_thrust_stay_within_the_airframe(where, spee
         assert 0.0 <= command.thrust <= FRAME.max_thrust
 
 
-@pytest.mark.parametrize("tracker", ["velocity", "cascade", "geometric"])
+@pytest.mark.parametrize(
+    "tracker",
+    ["velocity", *(pytest.param(t, marks=pytest.mark.thorough) for t in ("cascade", "geometric"))],
+)
 def test_a_run_is_flown_as_far_and_as_fast_as_it_says(run, tracker: str) -> None:
     search = part("behaviors", "run_until", velocity=(0.5, 0.0, 0.0), at_most=1.5)
     states = [up("search"), state("search", search, then("hold")), hold(1.0, "down"), down()]
@@ -100,6 +103,7 @@ def test_a_run_is_flown_as_far_and_as_fast_as_it_says(run, tracker: str) -> None
     assert flown.summary["vehicles"]["a"]["final"] == "ground"
 
 
+@pytest.mark.thorough
 def test_it_hovers_and_lands(run) -> None:
     states = [up("hold"), hold(3.0, "down"), down()]
     flown, _ = run(vehicle("a", states, tracker=part("trackers", "velocity")))

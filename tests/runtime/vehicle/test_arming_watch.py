@@ -34,7 +34,11 @@ class Dropped(Autopilot):
 
 
 @pytest.mark.parametrize(
-    "way", ["says so", "says it late", pytest.param("says nothing", marks=pytest.mark.thorough)]
+    "way",
+    [
+        "says so",
+        *(pytest.param(w, marks=pytest.mark.thorough) for w in ("says it late", "says nothing")),
+    ],
 )
 def test_one_that_disarms_in_the_air_has_not_landed(run, way):
     own = wrapped(lambda _, link: Dropped(link, way))
@@ -66,6 +70,7 @@ class Stubborn(Autopilot):
         self.forced = self.forced or now / NS
 
 
+@pytest.mark.thorough
 def test_one_that_stays_armed_after_its_landing_is_disarmed_by_force(run):
     opened: list[Stubborn] = []
 

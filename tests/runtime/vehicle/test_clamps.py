@@ -79,6 +79,7 @@ def test_a_behavior_whose_goal_is_clamped_has_failed(tmp_path: Path):
     assert "`fence` keeps the setpoint 1.5 m from the requested one" in flight.summary["reason"]
 
 
+@pytest.mark.thorough
 def test_its_error_is_from_what_it_wanted(tmp_path: Path):
     _, visit, _ = lab_flight(Rise, tmp_path)
     assert visit["position_error_m"]["max"] == pytest.approx(3.8 - TOP, abs=0.02)
@@ -93,12 +94,14 @@ def test_a_clamp_is_told_once_when_it_begins_and_once_when_it_ends(tmp_path: Pat
     assert ended.time / NS - began.time / NS == pytest.approx(ended.fields["seconds"], abs=0.6)
 
 
+@pytest.mark.thorough
 def test_one_that_has_come_back_inside_is_done(tmp_path: Path):
     flight, visit, (began, ended) = lab_flight(RiseAndReturn, tmp_path)
     assert (visit["ended"], flight.summary["outcome"]) == ("done", "succeeded")
     assert began.time < ended.time < visit["end_s"] * NS
 
 
+@pytest.mark.thorough
 def test_what_only_comes_later_is_no_clamp(tmp_path: Path):
     slow = part("processors", "limit_speed", speed=0.3)
     _, visit, clamps = lab_flight(RiseLow, tmp_path, slow)

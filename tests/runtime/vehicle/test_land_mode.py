@@ -109,8 +109,8 @@ def test_a_vehicle_lands_by_its_own_mode_and_is_sent_nothing_meanwhile(run):
     ("way", "reason", "code"),
     [
         ("refuses", "COMMAND_DENIED: no position", 1),
-        ("leaves", "COMMAND_DENIED: no position", 1),
-        ("hangs", "it has not landed within 13 s", 1),
+        pytest.param("leaves", "COMMAND_DENIED: no position", 1, marks=pytest.mark.thorough),
+        pytest.param("hangs", "it has not landed within 13 s", 1, marks=pytest.mark.thorough),
         ("breaks", "DriverError: the cable is out", 3),
     ],
 )
@@ -151,6 +151,7 @@ def test_one_that_lands_without_a_position_lands_blind_by_its_own_mode(run, way)
     assert is_down(flown)
 
 
+@pytest.mark.thorough
 def test_a_vehicle_whose_link_is_silent_is_not_asked(run):
     own, opened = driver("silent")
     silence = part("supervisors", "link")
@@ -161,6 +162,7 @@ def test_a_vehicle_whose_link_is_silent_is_not_asked(run):
     assert named(told, "land_mode_started") == []
 
 
+@pytest.mark.thorough
 def test_neither_is_one_whose_driver_has_no_land_mode(run):
     own, opened = driver("lands", lands=False)
     flown, told = run(flight(own, LAND))
@@ -209,6 +211,7 @@ def test_an_interrupt_lands_by_it(run):
     assert is_down(flown)
 
 
+@pytest.mark.thorough
 def test_a_part_that_fails_lands_by_it(run):
     cascade = part("trackers", "cascade")
 

@@ -123,6 +123,7 @@ def asked(opened: list[Autopilot]) -> list[str]:
     return [what for i, what in enumerate(calls) if i == 0 or calls[i - 1] != what]
 
 
+@pytest.mark.thorough
 def test_a_behaviors_time_stands_still_until_the_vehicle_obeys(run):
     own, opened = driver("slow")
     flown, told = run(flight(own, 1.0))
@@ -135,6 +136,7 @@ def test_a_behaviors_time_stands_still_until_the_vehicle_obeys(run):
     assert len(set(opened[0].arming)) > 100  # tracked anew, since it may be on its way up
 
 
+@pytest.mark.thorough
 def test_one_that_falls_silent_for_good_is_not_waited_for_to_say_that_it_is_disarmed(run):
     own, _ = driver("falls silent")
     flown, told = run(flight(own))
@@ -172,6 +174,7 @@ def test_a_link_that_breaks_while_it_arms_keeps_the_vehicle_down(run):
     assert flown.exit_code == 3
 
 
+@pytest.mark.thorough
 def test_nobody_lands_by_command_what_a_pilot_has_and_the_run_goes_on(run):
     own, _ = driver("pilot")
     asked = ((BACK, "operator.land"), (BACK + 1.0, "operator.resume"))
@@ -357,6 +360,7 @@ def test_what_a_vehicle_checks_itself_is_part_of_the_preflight(run):
     assert flown.summary["sim_time_s"] == pytest.approx(5.0, abs=0.1)
 
 
+@pytest.mark.thorough
 def test_nobody_takes_off_again_with_what_a_pilot_put_down(run):
     def ask(engine):
         if engine.seconds() > BACK + 1.0 and not asks:

@@ -42,6 +42,7 @@ def test_a_granted_wish_leaves_the_state_with_how_asked_and_says_who_asked(run):
     assert (left.fields["how"], left.at) == ("asked", "m.yaml:9")
 
 
+@pytest.mark.thorough
 def test_of_several_in_one_tick_the_operator_is_heard_and_the_others_are_told(run):
     def all_of_them(v):
         v.requests.switch("hold", Requester.CALLBACK, "m.yaml:1")
@@ -62,8 +63,14 @@ def test_of_several_in_one_tick_the_operator_is_heard_and_the_others_are_told(ru
     ("goal", "reason"),
     [
         ("up", "`take_off` can't start while the vehicle is in the air"),
-        ("landed", "`wait_on_ground` can't start while the vehicle is in the air"),
-        ("fault", "it is not a state that can be requested"),
+        pytest.param(
+            "landed",
+            "`wait_on_ground` can't start while the vehicle is in the air",
+            marks=pytest.mark.thorough,
+        ),
+        pytest.param(
+            "fault", "it is not a state that can be requested", marks=pytest.mark.thorough
+        ),
         ("nowhere", "it is not a state that can be requested"),
         ("shut", "the door is shut"),
     ],

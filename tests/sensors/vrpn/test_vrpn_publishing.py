@@ -71,6 +71,7 @@ def test_stamps_begin_now_and_go_on_with_the_run() -> None:
     assert Notes.stamps == [1000 * NS, 1001 * NS, 1003 * NS]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "what",
     [
