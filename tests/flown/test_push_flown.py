@@ -6,6 +6,7 @@ import pytest
 from toolchain import SHIPPED, compiled, with_library
 
 from kybflow.api.flight import RunRequest, fly
+from kybflow.api.rehearsal.rehearse import rehearse
 from kybflow.core.signals import NS, Event
 
 TEXT = next(path for path in SHIPPED if path.stem == "push_cart").read_text(encoding="utf-8")
@@ -51,7 +52,10 @@ def test_it_lets_go_in_a_fifth_of_a_second_when_somebody_takes_the_cart_away(tmp
 @pytest.mark.thorough
 def test_it_lets_go_of_a_cart_that_motion_capture_loses(tmp_path) -> None:
     lost = "{when: cart.position > 30 cm, on: drone, inject: mocap_dropout, object: cart, for: 1 s}"
-    told, _ = flown(f"{TEXT}faults:\n  - {lost}\n", tmp_path)
+    text = f"{TEXT}faults:\n  - {lost}\n"
+    rehearsed = rehearse(compiled(with_library(tmp_path) / "push.yaml", text))
+    assert not rehearsed.diagnostics
+    told, _ = flown(text, tmp_path)
     [began], [ended] = times(told, "fault_injected"), times(told, "fault_ended")
     [failed] = [e for e in told if e.name == "behavior_failed"]
     assert "`cart` was last seen 0.2 s ago" in failed.fields["reason"]

@@ -99,7 +99,7 @@ def test_the_head_tells_what_moves_how_far_and_what_is_expected_of_it(plan: Plan
     }
     assert len(told["car"]["boxes"]) == 8
     assert len(told["bar"]["boxes"]) == 24  # with its plate, and the knob that is a part of it
-    assert [place for place, _ in told["car"]["stops"]] == [(-0.5, 0.0, 0.8), (3.5, 0.0, 0.8)]
+    assert [place for place, _ in told["car"]["stops"]] == [(0.5, 0.0, 0.8), (3.5, 0.0, 0.8)]
     assert told["box"]["stops"] == []
     assert told["car"]["goals"] == {"position": {"expected < 20 cm": 0.2}}
     assert [*told["bar"]["goals"]["yaw"]] == ["expected > -70 deg", "expected < 20 deg"]
@@ -145,7 +145,7 @@ def test_the_map_has_the_objects_at_the_start_the_end_and_the_stops(run: Run) ->
     stops = [trace for trace in path.traces if trace["name"] == "at a stop"]
     assert [trace["showlegend"] for trace in stops] == [True, False]
     assert {trace["line"]["dash"] for trace in stops} == {"3px,3px"}
-    assert stops[0]["x"][0] == pytest.approx(-0.58)
+    assert stops[0]["x"][0] == pytest.approx(0.42)
     labels = [trace["text"][0] for trace in path.traces if trace.get("mode") == "text"]
     assert labels == ["car", "bar", "box"]
 

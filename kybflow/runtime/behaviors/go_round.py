@@ -121,3 +121,7 @@ class GoRound(Behavior[GoRoundParams], flight=AIR >> AIR, emits=SetpointKind.POS
     @classmethod
     def objections(cls, params: GoRoundParams, context: VehicleContext) -> Iterator[Objection]:
         yield from _surface.objections(params.surface, context)
+
+    @classmethod
+    def touches(cls, params: GoRoundParams) -> str:
+        return ""  # it names a surface, but only goes in front of it

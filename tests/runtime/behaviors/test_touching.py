@@ -12,6 +12,8 @@ from part_bench import BLOCK, DT, MASS, WITH_BLOCK, entry, estimate, seen_block
 from kybflow.core.geometry import GRAVITY, Vec3
 from kybflow.core.signals import NS, Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.runtime.behaviors.approach_contact import ApproachContact, ApproachContactParams
+from kybflow.runtime.behaviors.go_round import GoRound, GoRoundParams
+from kybflow.runtime.behaviors.hover import Hover, HoverParams
 from kybflow.runtime.behaviors.let_go import LetGo, LetGoParams
 from kybflow.runtime.behaviors.push import PushBehavior, PushBehaviorParams
 
@@ -197,3 +199,12 @@ def test_it_flies_back_out_of_the_surface() -> None:
     done = next(one for one in outputs if isinstance(one, Done))
     x, y, z = IN_TOUCH
     assert done.setpoint.position == pytest.approx((x - 0.4, y, z))
+
+
+def test_guards_are_told_what_a_behavior_means_to_touch() -> None:
+    surface = "block.back"
+    assert ApproachContact.touches(ApproachContactParams(surface=surface)) == "block"
+    assert PushBehavior.touches(PushBehaviorParams(surface=surface)) == "block"
+    assert LetGo.touches(LetGoParams(surface=surface)) == "block"
+    assert GoRound.touches(GoRoundParams(surface=surface)) == ""
+    assert Hover.touches(HoverParams()) == ""
