@@ -38,8 +38,8 @@ from kybflow.parts import (
 BASES: dict[str, type[Part[Any]]] = {
     base.kind: base
     for base in (
-        Behavior, Estimator, Processor, Tracker, Supervisor, Driver, Sensor, Input, Fault, Action,
-        Coordinator,
+        Behavior, Estimator, Processor, Tracker, Supervisor, Coordinator, Driver, Sensor, Input,
+        Fault, Action,
     )
 }  # fmt: skip
 _HOMES = {"drivers": "kybflow", "sensors": "kybflow", "inputs": "kybflow"}

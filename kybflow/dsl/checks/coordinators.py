@@ -11,10 +11,14 @@ from kybflow.dsl.diagnostics import Diagnostic, Severity
 
 
 def coordinators_at_odds(case: Case) -> Iterator[Diagnostic]:
-    """KYB588: a phase's coordinator can't work as written: it names an object that doesn't exist or
-    a goal that the object can't move to, or the phase runs no vehicle. It is a warning if it works,
-    but probably not as intended: the object creeps along a slide whose friction is less than what
-    pushes it while it is turned."""
+    """KYB588: a phase's coordinator can't work as written, or probably not as intended (a warning).
+
+    It names an object that doesn't exist or a goal to which the object can't move, or the phase
+    runs no vehicle. A warning: the object creeps along a slide whose friction is less than what
+    pushes it while it is turned.
+    """
+    if not any(phase.coordinator for _, phase in phases(case.plan)):
+        return
     own = {vehicle.name: context for vehicle, context in case.cached(contexts)}
     for _, phase in phases(case.plan):
         part = phase.coordinator
@@ -39,6 +43,8 @@ def coordinators_at_odds(case: Case) -> Iterator[Diagnostic]:
 def pushes_without_force(case: Case) -> Iterator[Diagnostic]:
     """KYB589: a behavior pushes with a force that no coordinator gives: it has no `force`, and no
     phase with a coordinator runs its vehicle."""
+    if not case.plan.objects:
+        return
     coordinated = {
         name
         for _, phase in phases(case.plan)
