@@ -47,13 +47,14 @@ Objects = Mapping[str, WorldObject]
 
 class Case(NamedTuple):
     """A kind of flight. breaks: a fault, as a line of the mission. signs: of the disturbances of
-    the car. body: what the objects really are."""
+    the car. body: what the objects really are. disturbs: whether there are disturbances."""
 
     target: str | None = None
     breaks: str = ""
     signs: tuple[int, ...] = (-1,)
     edits: tuple[tuple[str, str], ...] = ()
     body: Callable[[Objects], Objects] | None = None
+    disturbs: bool = True
 
 
 def heavier(objects: Objects) -> Objects:
@@ -69,8 +70,9 @@ def rougher(objects: Objects) -> Objects:
     return {name: rough(one) for name, one in objects.items()}
 
 
-def _breaks(fault: str, lasts: str = "") -> str:
-    return f"  - {{inject: {fault}, on: left, at: {AT_BREAK_S} s{lasts}}}"
+def _breaks(fault: str) -> Case:
+    line = f"  - {{inject: {fault}, on: left, at: {AT_BREAK_S} s}}"
+    return Case(breaks=line, disturbs=False)
 
 
 _HULL = ("like: std.ardrone_hull", "like: std.ardrone_hull\n    airframe: {bumper_height: 5 cm}")
@@ -81,10 +83,10 @@ CASES = {
     "heavier": Case(body=heavier),
     "friction": Case(body=rougher),
     "hull": Case(edits=(_HULL,)),
-    "lost": Case(breaks=_breaks("rotor_weak, left: 0.2")),
-    "link": Case(breaks=_breaks("link_cut")),
-    "mocap": Case(breaks=_breaks("mocap_dropout")),
-    "stop": Case(breaks=_breaks("push_object, object: bar, torque: 2 N m", ", for: 1 s")),
+    "lost": _breaks("rotor_weak, left: 0.2"),
+    "link": _breaks("link_cut"),
+    "mocap": _breaks("mocap_dropout"),
+    "stop": Case(edits=(("to: 3 m", "to: 60 cm"),), disturbs=False),
 }  # fmt: skip
 
 
@@ -163,12 +165,13 @@ def flight(case: Case, seed: int) -> tuple[Watch, Mapping[str, Any], list[Event]
     """Fly one case with one seed."""
     generator = random.Random(seed)
     start = generator.uniform(-25.0, 25.0)
-    drawn = [] if case.breaks else disturbances(generator, case)
+    drawn = disturbances(generator, case) if case.disturbs else []
     text = MISSION.replace("default: 20 deg", f"default: {start:.2f} deg")
     for old, new in case.edits:
         text = text.replace(old, new)
     lines = "\n".join([line for _, line in drawn] + ([case.breaks] if case.breaks else []))
-    text = text.replace("\nexpect:", f"\nfaults:\n{lines}\n\nexpect:")
+    if lines:
+        text = text.replace("\nexpect:", f"\nfaults:\n{lines}\n\nexpect:")
     real, body = simulator.objects_text, case.body or (lambda objects: objects)
     watch, told = Watch([time for time, _ in drawn]), list[Event]()
     with tempfile.TemporaryDirectory() as folder:
@@ -190,7 +193,7 @@ def line_of(case: Case, watch: Watch, told: list[Event]) -> str:
     """Return what a flight showed."""
     states = "/".join(watch.states)
     hits = sum(event.name == "collision" for event in told)
-    if case.breaks:
+    if not case.disturbs:
         times = sorted(watch.ended.values())
         let_go = times[1] - times[0] if len(times) > 1 else float("nan")
         return f"let go {let_go:5.2f}  turned {watch.turned:4.1f}  {states}  {hits} hits"

@@ -123,6 +123,7 @@ def names(wrong, seed, judged):
     assert sum(words in reason for reason in found.values()) == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [1, 2, 17])
 def test_a_right_frame_passes_and_a_wrong_one_is_named(seed):
     for rule in FINE:

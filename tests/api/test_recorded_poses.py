@@ -22,6 +22,7 @@ def test_poses_are_read_back(tmp_path: Path) -> None:
     assert len(read_recorded_poses(run, "nobody")) == 0
 
 
+@pytest.mark.thorough
 def test_of_a_killed_run_they_are_read_as_far_as_they_go(tmp_path: Path) -> None:
     run = write_run(tmp_path / "run", seconds=7.0, rate=50)
     whole = (run / LOG).read_bytes()

@@ -187,6 +187,7 @@ expect:"""
     return folder
 
 
+@pytest.mark.thorough
 def test_an_interrupt_lands_what_flies_and_leaves_out_the_rest(long: Path):
     cases = [case(long, "long", seed) for seed in range(9)]
     told: list[FlightResult] = []
@@ -214,6 +215,7 @@ def test_a_second_interrupt_kills(folder: Path):
     assert [one.case for one in told] == cases[:1]
 
 
+@pytest.mark.thorough
 def test_no_worker_outlives_its_session(long: Path):
     """The worker holds the output open: it is read to its end when the worker has ended."""
     code = (

@@ -134,6 +134,7 @@ def test_the_preflight_has_a_line_of_it(mission: str) -> None:
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["first_flight", "formation"])
 def test_it_needs_no_simulator(name: str) -> None:
     code = f"""

@@ -190,6 +190,7 @@ def test_an_imu_that_cannot_be_used_is_told_after_a_while(rate, force, trouble):
     assert watch.imu_trouble == trouble
 
 
+@pytest.mark.thorough
 def test_a_gyroscope_that_drifts_while_the_person_waits_does_not_tilt_the_lift():
     """The vehicle is lifted 50 s after its rest, with a rate that is off by 0.01 rad/s since."""
     watch, dt = HandWatch(), 0.02

@@ -145,14 +145,14 @@ def test_a_place_beside_an_edge_is_free_of_edges(height: float, x: float, y: flo
 @pytest.mark.parametrize("q", [0.0, 0.4])
 def test_it_comes_down_beside_an_object_where_it_was_seen(q: float) -> None:
     (x, y, z), seen = BLOCK.at, seen_block(q)
-    here = (x - 0.3 + q, y, z)
-    assert what_is_below(SITE, (x - 0.5 + q, y, z), {}, seen) is None
-    below = what_is_below(SITE, here, {}, seen)
+    here, site = (x - 0.3 + q, y, z), SITE._replace(objects={"block": BLOCK})
+    assert what_is_below(site, (x - 0.5 + q, y, z), {}, seen) is None
+    below = what_is_below(site, here, {}, seen)
     assert below is not None
     assert below.words == "the object `block`"
-    place = place_beside(SITE, here, {}, below.away, seen)
+    place = place_beside(site, here, {}, below.away, seen)
     assert place is not None
     assert place[0] < here[0]
-    assert what_is_below(SITE, place, {}, seen) is None
-    bumper = SITE._replace(airframe=replace(SITE.airframe, bumper=0.5))
+    assert what_is_below(site, place, {}, seen) is None
+    bumper = site._replace(airframe=replace(site.airframe, bumper=0.5))
     assert what_is_below(bumper, (x - 0.5 + q, y, z), {}, seen) is not None

@@ -300,6 +300,7 @@ def two():
     ]
 
 
+@pytest.mark.thorough
 def test_after_an_interrupt_nobody_takes_off(run):
     def interrupts(engine) -> None:
         if engine.seconds() >= 5.0:
@@ -380,6 +381,7 @@ def test_a_fault_that_no_world_can_have_is_told_and_the_flight_goes_on(run):
     assert flown.summary["outcome"] == "failed"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("what", ["filter", "wind"])
 def test_a_fault_that_raises_at_work_is_left_out_and_the_flight_goes_on(run, what):
     class Bad(GUST.cls):

@@ -58,6 +58,7 @@ def test_a_vehicle_feels_it_flies_through_it_and_it_is_told(run, undisturbed, na
     assert hover_error(flown) != undisturbed
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("lasts", "ends"), [(0.2, "landed"), (1.0, "fault")])
 def test_a_short_cut_of_the_link_is_nothing_and_a_long_one_brings_it_down(run, lasts, ends):
     """The vehicle's own watchdog waits for 250 ms."""
@@ -88,6 +89,7 @@ def test_an_estimator_that_is_killed_is_told_and_the_vehicle_lands_on_the_next(r
     assert path(told, "a") == ["up", "auto_land", "fault"]
 
 
+@pytest.mark.thorough
 def test_a_fault_that_cannot_be_injected_fails_the_run(run):
     flown, told = run(hovers(), faults=(fault("mocap_swap", other="nobody"),))
     assert path(told, "a")[-1] == "landed"
@@ -103,6 +105,7 @@ def test_the_seed_of_the_run_is_that_of_its_faults(run):
     assert error() == error()
 
 
+@pytest.mark.thorough
 def test_a_vehicle_that_runs_into_an_obstacle_has_not_flown_its_mission(run):
     beam = Box((-0.5, -0.5, 0.5), (0.5, 0.5, 0.6))
     flown, told = run(hovers(), obstacles={"beam": beam}, time_limit=10.0)

@@ -13,6 +13,7 @@ from toolchain import compiled, succeeds, with_library
 from kybflow.dsl.plan import EstimatorPlan
 
 
+@pytest.mark.thorough
 def test_it_hovers_within_what_the_positions_are_good_for(run):
     source = part("estimators", "fusion", source="position")
     driver = part("drivers", "sim", position_noise=0.05, position_noise_up=0.08)

@@ -83,6 +83,7 @@ def test_an_interrupt_while_drivers_are_opened_is_in_the_summary(
     assert json.loads((tmp_path / "summary.json").read_text())["outcome"] == "interrupted"
 
 
+@pytest.mark.thorough
 def test_an_interrupt_after_the_flight_takes_nothing_away(
     plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

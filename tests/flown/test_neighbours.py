@@ -80,6 +80,7 @@ def test_it_does_not_land_on_one_that_hovers_below_but_beside(flight_past) -> No
     assert run.summary["outcome"] == "succeeded"
 
 
+@pytest.mark.thorough
 def test_two_that_brake_each_other_land_side_by_side_and_say_why(flight_past) -> None:
     run, told = flight_past(BESIDE, apart="finally distance(a to b) > 20 cm")
     assert set(times(told, "too_close")) == {"a", "b"}

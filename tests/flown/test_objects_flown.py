@@ -30,6 +30,7 @@ expect:
 """
 
 
+@pytest.mark.thorough
 def test_conditions_read_what_is_seen_and_expectations_the_truth(tmp_path: Path) -> None:
     text = MISSION.replace("vehicles:\n", f"{MORE}vehicles:\n") + ASKED
     plan = compiled(with_library(tmp_path) / "push.yaml", text)

@@ -51,6 +51,7 @@ def guarded(tmp_path: Path, contact: str) -> Plan:
     return compiled(tmp_path / "mission.yaml", MISSION.format(contact=contact), warns=True)
 
 
+@pytest.mark.thorough
 def test_run_until_into_a_pillar_stops_before_it_and_says_so(tmp_path: Path) -> None:
     _, told = succeeds(guarded(tmp_path, "forbidden"), tmp_path / "run")
     [clamp] = named(told, "clamp_started")

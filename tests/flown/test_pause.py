@@ -75,6 +75,7 @@ def test_a_take_off_and_a_landing_are_paused_too(run, name, when):
     assert largest_steps(samples)[0] <= 0.5 * 0.004 + 1e-6
 
 
+@pytest.mark.thorough
 def test_timers_stand_still(run):
     late = TransitionPlan(target="hold", cause="within", after=3.5)
     timed = state("timed", part("behaviors", "hover"), after(3.0, "down"), late)
@@ -85,6 +86,7 @@ def test_timers_stand_still(run):
     assert frozen == pytest.approx(between(told, "paused", "resumed"), abs=0.05)
 
 
+@pytest.mark.thorough
 def test_a_pause_that_lasts_lands(run):
     pauses = orders((5.0, lambda v: v.requests.pause("x")))
     flown, told = run(hovers(hover_limit=5.0), observers=(pauses,))

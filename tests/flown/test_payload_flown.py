@@ -85,6 +85,7 @@ def drop(name: str, *arrows: TransitionPlan):
     return state(name, part("behaviors", "release_payload", patience=2.0, settle=0.5), *arrows)
 
 
+@pytest.mark.thorough
 def test_a_mission_loads_delivers_once_and_is_judged(tmp_path: Path) -> None:
     plan = compiled(tmp_path / "m.yaml", MISSION)
     flown, told = flight_of(plan, tmp_path / "run")

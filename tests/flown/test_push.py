@@ -56,6 +56,7 @@ def pushed_flights():
         yield pytest.param(*case, marks=mark, id=f"{frame}-{push}-{seed}")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("frame", "push", "seed"), list(pushed_flights()))
 def test_half_a_metre_per_second_squared_is_gone_after_a_second(
     run, frame: str, push: str, seed: int
@@ -142,6 +143,7 @@ on:
 """
 
 
+@pytest.mark.thorough
 def test_a_callback_sets_it_in_flight(tmp_path: Path) -> None:
     mission, gains = tmp_path / "softened.yaml", set()
     softened = compiled(mission, SOFTENED)

@@ -66,6 +66,7 @@ def test_it_lets_go_of_a_cart_that_motion_capture_loses(tmp_path) -> None:
     assert times(told, "landed")
 
 
+@pytest.mark.thorough
 def test_the_failsafe_lands_beside_what_the_vehicle_pushes(tmp_path) -> None:
     stuck = TEXT.replace("friction: 0.3 N", "friction: 3 N").replace(
         "vehicles:", "time_limit: 20 s\nvehicles:"

@@ -81,6 +81,7 @@ def test_cut_is_watched_until_the_vehicle_has_fallen(run):
     assert flown.summary["sim_time_s"] - started.time / NS == pytest.approx(2.0, abs=0.01)
 
 
+@pytest.mark.thorough
 def test_a_brake_ends_a_second_after_its_alarms_and_the_mission_goes_on(run):
     circle = part("behaviors", "circle", center=(0.0, 0.0, 0.6), radius=0.5, speed=0.5, laps=1.0)
     tracker, samples = followed()
@@ -197,6 +198,7 @@ def test_no_brake_for_the_estimates_sake_stops_a_vehicle_that_comes_down(run):
     assert named(told, "failsafe_started") == []
 
 
+@pytest.mark.thorough
 def test_a_reset_on_the_ground_makes_it_fly_again(run):
     other = hovers(14.0, "b", start=(1.5, 0.0, 0.0))
     asks = orders(

@@ -113,6 +113,7 @@ class Lifting(Behavior[NoParams], flight=AIR >> AIR, emits=CommandKind.ATTITUDE_
         return Command(LEVEL, self.thrust, ZERO, None)
 
 
+@pytest.mark.thorough
 def test_a_landing_goes_on_with_nothing_of_what_was_before(run, monkeypatch):
     """Neither the thrust of the state before, nor the time for which another landing waited."""
     monkeypatch.setattr("kybflow.runtime.vehicle.behavior_runner.MAX_REFUSAL_NS", 2 * NS)

@@ -51,6 +51,7 @@ def test_a_velocity_towards_the_fence_stops_at_the_wall(run, tracker: str, veloc
     assert norm(seen[-1][1]) < 0.05
 
 
+@pytest.mark.thorough
 def test_limits_hold_for_velocities(run) -> None:
     processors = [
         part("processors", "limit_acceleration", acceleration=0.4),

@@ -308,6 +308,7 @@ def numbers(value: Any) -> list[float]:
     return [float(value)]
 
 
+@pytest.mark.thorough
 def test_a_ros_1_reader_decodes_every_message_by_the_schema_in_the_file(tmp_path):
     decoder = pytest.importorskip("mcap_ros1.decoder")
     path = tmp_path / "log.mcap"

@@ -62,6 +62,7 @@ def test_the_distance_to_target_is_to_where_each_behavior_ends(folder):
     assert end < 0.05
 
 
+@pytest.mark.thorough
 def test_the_target_is_what_was_asked_for_where_something_else_was_followed(tmp_path, monkeypatch):
     """Processors keep the vehicle where it is; its behaviors ask for a place 5 m away."""
     recorded, far = VehicleChannel.tick, (5.0, 0.0, 0.0)

@@ -192,6 +192,7 @@ def test_in_flight_each_number_of_a_safety_parameter_only_tightens(
     assert event.name == ("option_refused" if is_refused else "option_changed")
 
 
+@pytest.mark.thorough
 def test_a_matrix_is_set_when_a_run_begins(run) -> None:
     plan = vehicle("mk", [up("hold"), hold(1.0, "down"), down()])
     _, told = run(plan, options=((GAIN, TEXT.replace("1", "8")),))

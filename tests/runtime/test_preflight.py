@@ -236,6 +236,7 @@ def raising(error: Exception):
 WRONG_SIZE = "the frames are 4 x 3, but the lens is for 8 x 6"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("read", "trouble", "reason"),
     [
@@ -250,6 +251,7 @@ def test_why_a_sensor_gives_nothing_is_said(read, trouble, reason):
     assert (line.green, line.reason) == (False, reason)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("located", "reason"),
     [
@@ -336,6 +338,7 @@ def test_a_link_that_falls_silent_is_red():
     assert line["a", "link"].reason.startswith("delivered 49")
 
 
+@pytest.mark.thorough
 def test_a_dangerous_watchdog_keeps_it_on_the_ground():
     class Unwatched(Sim):
         @classmethod
@@ -376,6 +379,7 @@ def test_two_that_would_brake_at_once_stay():
     assert line.reason == "0.22 m from `b`, 0.24 m needed"
 
 
+@pytest.mark.thorough
 def test_what_a_supervisor_foresees_is_said_with_its_mission_line(run):
     always = flight().supervisors
     bad = alarming((0.0, 9.0, Reaction.BRAKE))
@@ -466,6 +470,7 @@ def late(kept: float):
     return lambda plan, pace: Late(plan.control_rate)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("kept", "green"), [(1.0, True), (0.55, True), (0.34, False)])
 def test_a_computer_that_is_too_slow_is_red_before_a_real_vehicle_arms(kept, green, monkeypatch):
     monkeypatch.setattr("kybflow.api.flight.clock_for", late(kept))
@@ -476,6 +481,7 @@ def test_a_computer_that_is_too_slow_is_red_before_a_real_vehicle_arms(kept, gre
     assert green or "`control`" in line.reason
 
 
+@pytest.mark.thorough
 def test_a_late_computer_is_told_and_its_missed_ticks_are_in_the_summary(run, monkeypatch):
     monkeypatch.setattr("kybflow.api.flight.clock_for", late(0.34))
     flown, told = run(flight())

@@ -123,6 +123,7 @@ def test_a_tag_is_seen_in_what_arrives(played):
         assert found.ravel().tolist() == [TAG]
 
 
+@pytest.mark.thorough
 def test_a_stream_that_is_lost_is_told_and_opened_again(played):
     host, server = played
     stream, frames, told = opened(host), [], []

@@ -172,6 +172,7 @@ def broken(effect: Effect) -> list[Frame]:
     return frames_of(link, NS // 2)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "params", "expected"),
     [

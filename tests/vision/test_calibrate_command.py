@@ -76,6 +76,7 @@ def walked(folder: Path, side: int, count: int) -> Path:
     return mission
 
 
+@pytest.mark.thorough
 def test_a_walk_corrects_a_mission(tmp_path: Path) -> None:
     mission = walked(tmp_path, 3, 8)
     made = scene(9, 3)

@@ -61,6 +61,7 @@ def test_residuals_slope_as_the_jacobian_says() -> None:
         assert numpy.allclose(told, high.values - low.values, rtol=1e-5, atol=1e-9), block.kind
 
 
+@pytest.mark.thorough
 def test_a_known_body_tells_lens_mount_and_map() -> None:
     made = scene(1, 4)
     found = found_in(made, 30, 1)
@@ -72,6 +73,7 @@ def test_a_known_body_tells_lens_mount_and_map() -> None:
     assert found.adjusted.sigma["corners"] == pytest.approx(0.2, rel=0.05)
 
 
+@pytest.mark.thorough
 def test_frames_alone_tell_lens_and_map_but_no_mount() -> None:
     made = scene(2, 4)
     found = found_in(made, 30, 2, known=False)
@@ -102,6 +104,7 @@ def test_spreads_are_honest(known: bool) -> None:
             assert 0.75 < numpy.sqrt(numpy.mean(numpy.square(values))) < 1.3, what
 
 
+@pytest.mark.thorough
 def test_wrong_tags_pull_nothing_and_are_told() -> None:
     """One lies elsewhere than surveyed, and one is taken for another once."""
     made = scene(4, 4)

@@ -86,6 +86,7 @@ def supersampled(tags: TagMap, camera: Camera, at: Truth) -> numpy.ndarray:
     return (0.8 * cv2.GaussianBlur(small, (0, 0), 0.5)).astype(numpy.uint8)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("at", [body(), TURNED, body(z=0.6, yaw=1.0)])
 def test_it_is_the_picture_that_averaging_over_each_pixel_gives(at: Truth) -> None:
     drawn = draw(floor(), SHARP, at, PLAIN)
@@ -206,6 +207,7 @@ def steepest(optics: Optics, z: float) -> float:
     return float(numpy.abs(numpy.diff(image, axis=1)).max())
 
 
+@pytest.mark.thorough
 def test_what_is_nearer_than_the_focus_is_blurred_the_more_the_nearer() -> None:
     optics = Optics(exposure=0, row_time=0, focus=0.4, aperture=0.002, **CLEAN)
     assert steepest(optics, 0.6) == steepest(SHARP, 0.6)

@@ -84,6 +84,7 @@ LIGHT = [
 ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("optics", "metres"), LIGHT)
 def test_the_pose_is_right_in_every_light_though_the_prediction_is_wrong(optics, metres):
     locator = Locator(TagMap(TAGS), {"down": CAMERA})
@@ -153,6 +154,7 @@ def test_in_the_dark_there_is_no_pose_and_the_whole_image_is_searched_ever_more_
     assert any(locator.locate([frame(drawn, BODY)], None) for _ in range(6))
 
 
+@pytest.mark.thorough
 def test_two_cameras_give_one_pose():
     back = CAMERA._replace(name="back", position=(-0.15, 0.02, -0.02))
     locator, drawn = Locator(TagMap(TAGS), {"down": CAMERA, "back": back}), room(TAGS)
@@ -164,6 +166,7 @@ def test_two_cameras_give_one_pose():
     assert len(both.used) > len(set(both.used)) > len(one.used) // 2
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("family", ["25h9", "aruco_4x4", "aruco_5x5"])
 def test_other_families_are_found_as_well(family):
     tags = grid(5, 5, family=family)

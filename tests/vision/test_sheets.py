@@ -28,6 +28,7 @@ def found(image: numpy.ndarray, family: str) -> dict[int, numpy.ndarray]:
     return {int(i): c[0] for c, i in zip(corners, [] if ids is None else ids.ravel(), strict=True)}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_family_is_found_on_the_page_at_its_size(family: str) -> None:
     (page,) = lay_out(family, [3, 0, 29], 0.05, "a4")

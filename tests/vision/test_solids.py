@@ -44,6 +44,7 @@ def drawn(shape: Shape, body: Truth, row_time: float = 0.0) -> numpy.ndarray:
     return image
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("body", PLACES)
 @pytest.mark.parametrize("name", SHAPES)
 def test_it_covers_the_pixels_whose_rays_meet_it(name: str, body: Truth) -> None:

@@ -69,6 +69,7 @@ def test_who_stays_before_what_is_around_meets_no_point() -> None:
     assert looked > 20
 
 
+@pytest.mark.thorough
 def test_the_nearest_place_of_a_line() -> None:
     cloud = scattered()
     for a, b in pairwise(places(3)):

@@ -73,6 +73,7 @@ def test_wifi_that_is_lost_for_a_second_is_not_called_slow(way, tmp_path):
     assert "link_slow" not in [event.name for event in told]
 
 
+@pytest.mark.thorough
 def test_wifi_that_is_lost_for_a_second_makes_it_hover_and_it_flies_on(tmp_path, monkeypatch):
     still = []
     mind = OnboardDrone._check_watchdogs
@@ -99,6 +100,7 @@ def test_a_drone_that_lost_everybody_on_the_ground_is_connected_again(tmp_path):
     assert session.links["a"].drone.times_lost == 1
 
 
+@pytest.mark.thorough
 def test_wifi_that_is_lost_for_good_lands_that_drone_and_the_other_finishes(tmp_path):
     text = mission(["a", "b"], 15.0) + FAULT.format(at="12 s", lasts="100 s")
     _, told, session = drone_flight(text, tmp_path)

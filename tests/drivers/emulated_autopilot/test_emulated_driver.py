@@ -39,6 +39,7 @@ def test_a_mission_flies_on_ardupilot_without_a_change(tmp_path):
     assert done.summary["outcome"] == "succeeded", done.summary["expectations"]
 
 
+@pytest.mark.thorough
 def test_a_mission_flies_on_px4_and_the_same_seed_gives_the_same_events(tmp_path):
     told = []
     for name in ("a", "b"):

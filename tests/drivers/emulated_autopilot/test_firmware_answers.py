@@ -43,6 +43,7 @@ def client_of(bench: Bench) -> Any:
     return asking.Client(bench.say, step, lambda: bench.now / NS)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("firmware", sorted(TABLE))
 def test_it_answers_as_the_firmware_did(firmware: str) -> None:
     expected = dict(TABLE[firmware]["answers"])

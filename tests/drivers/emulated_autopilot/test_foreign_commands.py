@@ -53,6 +53,7 @@ def target() -> Any:
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("autopilot", AUTOPILOTS)
 def test_foreign_set_points_are_told_with_the_station_and_no_success(autopilot, tmp_path) -> None:
     deeds = [(WRONG, station(target(), seconds=2.5))]

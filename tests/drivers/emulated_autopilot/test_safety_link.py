@@ -41,6 +41,7 @@ def high():
     return [replace(up("hold", HIGH), at=UP), hold(5.0, "down"), down()]
 
 
+@pytest.mark.thorough
 @each(("px4", 1.0), ("ardupilot", 5.0))
 def test_a_cut_link_is_nothing_when_it_is_short_and_else_lands_it(autopilot, seconds, tmp_path):
     flight = DryRun(autopilot, tmp_path, faults=[fault("link_cut", seconds)])
@@ -132,6 +133,7 @@ def test_one_that_holds_by_itself_while_it_is_to_be_landed_is_landed(tmp_path):
     assert flight.path[-2:] == ["auto_land", "fault"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
 def test_when_the_program_dies_it_lands_and_stops_its_rotors(autopilot, tmp_path):
     def dies(flight):

@@ -61,6 +61,7 @@ def mission():
     return [climb, hold(1.0, "down"), down(), state("ground", part("behaviors", "wait_on_ground"))]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("autopilot", "what"),
     [

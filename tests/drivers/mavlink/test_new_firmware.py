@@ -72,6 +72,7 @@ def kybflow_says(copy: Path, *arguments: str) -> tuple[int, str]:
     return python(copy, "-m", "kybflow", *arguments)
 
 
+@pytest.mark.thorough
 def test_one_file_gives_the_target_the_choice_and_the_reference(copy: Path) -> None:
     assert kybflow_says(copy, "validate", MISSION, "--target", "acme")[0] == 0
     assert "<px4|ardupilot|acme>" in kybflow_says(copy, "mavlink", "setup", "--help")[1]

@@ -72,6 +72,7 @@ def test_its_imu_feels_what_it_does() -> None:
     assert session.truth(0).velocity[2] > 0.25
 
 
+@pytest.mark.thorough
 def test_wind_a_push_and_mass_of_the_rig_act() -> None:
     session = world()
     link = session.links["a"]
@@ -102,6 +103,7 @@ def test_eddies_push_it_the_same_way_each_time() -> None:
     assert norm((*found[0].velocity[:2], 0.0)) > 0.02
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("effect", "raises"), [("ground_effect", 1.0), ("downwash", -1.0)])
 def test_the_floor_lifts_it_and_a_vehicle_above_pushes_it_down(effect: str, raises: float) -> None:
     speeds = []

@@ -127,6 +127,7 @@ places = st.tuples(*[st.floats(-2.0, 2.0)] * 3)
 inside = st.tuples(st.floats(-0.2, 0.4), st.floats(-0.2, 0.3), st.floats(0.7, 1.0))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: type(shape).__name__)
 @given(place=places)
 def test_the_distance_grows_as_fast_as_one_goes(shape: Shape, place: Vec3) -> None:
@@ -138,6 +139,7 @@ def test_the_distance_grows_as_fast_as_one_goes(shape: Shape, place: Vec3) -> No
     assert (grown - shrunk) / (2.0 * STEP) == pytest.approx(1.0, abs=1e-4)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: type(shape).__name__)
 @given(place=inside)
 def test_it_leads_out(shape: Shape, place: Vec3) -> None:

@@ -40,6 +40,7 @@ def test_velocity_is_the_change_of_position(frame: MovingFrame, place: Vec3) -> 
     assert change == pytest.approx(before.velocity, abs=1e-4)
 
 
+@pytest.mark.thorough
 @given(st.floats(0.3, 1.5), st.floats(-1.0, 1.0))
 def test_a_turn_begins_and_ends_as_gently_as_the_frame_moves(reach: float, rate: float) -> None:
     frame, place = MovingFrame(ZERO), Motion((reach, 0.0, 0.0))

@@ -138,6 +138,7 @@ nonsense = st.one_of(
 )
 
 
+@pytest.mark.thorough
 @given(
     source=st.sampled_from(["mocap", "position"]),
     batches=st.lists(st.lists(nonsense, max_size=3), max_size=40),

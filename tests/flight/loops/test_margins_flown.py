@@ -120,6 +120,7 @@ def test_it_oscillates_within_a_quarter_of_the_computed_delay(frame, params, axi
     assert last > 3.0 * first, "it oscillates"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("frame", "inertia", "rotor_time"),
     [(FRAME, 1.33, 1.3), (FRAME, 1.15, 1.15), (NANO, 1.15, 1.15), (COURIER, 1.33, 1.3)],

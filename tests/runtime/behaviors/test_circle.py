@@ -20,6 +20,7 @@ def _circle(start: Vec3, **params: float) -> Circle:
     return Circle(CircleParams(center=CENTER, radius=0.8, **params), entry(start))
 
 
+@pytest.mark.thorough
 @settings(max_examples=8)
 @given(st.tuples(numbers, numbers, st.floats(0.5, 2.0)))
 def test_it_keeps_its_radius_and_has_no_step_from_wherever_it_starts(start: Vec3) -> None:
@@ -46,6 +47,7 @@ def test_the_sign_of_the_speed_is_its_sense(speed: float, north: float) -> None:
     assert math.copysign(1.0, flown.samples[-1].setpoint.position[1]) == north
 
 
+@pytest.mark.thorough
 def test_without_laps_it_never_ends() -> None:
     assert fly(_circle((1.3, 0.0, 1.2)), ideal(ZERO), seconds=60.0).end is None
 

@@ -29,6 +29,7 @@ numbers = st.floats(-3.0, 3.0)
 points = st.tuples(numbers, numbers, numbers)
 
 
+@pytest.mark.thorough
 @settings(max_examples=40)
 @given(points, st.floats(0.2, 2.0), st.floats(0.3, 2.0))
 def test_it_stops_at_its_goal_within_its_limits(

@@ -242,6 +242,7 @@ def test_one_that_comes_back_goes_round_those_who_stand_in_its_way() -> None:
     assert distance(swarm.place(back), (1.2, 0.0, 1.0)) < 0.01
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("path_at_once", [True, False])
 def test_one_that_comes_back_goes_on_along_the_path_where_the_others_are(
     path_at_once: bool,

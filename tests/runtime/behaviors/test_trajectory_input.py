@@ -107,6 +107,7 @@ vehicles:
 """
 
 
+@pytest.mark.thorough
 def test_a_planner_flies_a_vehicle_by_commands_that_are_recorded(tmp_path: Path) -> None:
     plan = compiled(tmp_path / "planned.yaml", MISSION)
     commands = (

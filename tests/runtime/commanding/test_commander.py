@@ -161,6 +161,7 @@ def test_options_are_set_from_text_with_a_unit_and_only_tightened_in_flight(run)
     assert [e.fields["value"] for e in named(told, "option_changed")] == ["0.3"]
 
 
+@pytest.mark.thorough
 def test_vehicles_are_commanded_one_by_one_and_the_others_go_on(run):
     b = held(name="b", start=(1.0, 1.0, 0.0))
     found, told, flown = answers(
@@ -196,6 +197,7 @@ def test_an_event_that_comes_too_early_is_told_with_a_word_of_warning(run):
     assert path(told, "a")[:4] == ["up", "hold", "idle", "down"]
 
 
+@pytest.mark.thorough
 def test_one_commander_is_heard_until_another_takes_the_lease(run):
     found, told, _ = answers(
         run,

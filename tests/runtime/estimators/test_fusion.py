@@ -95,6 +95,7 @@ def by_positions() -> list[Flight]:
     return [Flight(sky, fusion(source="position", position_noise=0.001)) for sky in skies]
 
 
+@pytest.mark.thorough
 def test_late_noisy_poses_are_enough_and_it_knows_how_good_it_is(by_poses: list[Flight]) -> None:
     errors = [error for flight in by_poses for error in flight.errors]
     assert sum(errors) / len(errors) < 0.03

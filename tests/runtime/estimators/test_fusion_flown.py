@@ -49,6 +49,7 @@ class Watch:
             self.errors.append(distance(flier.estimate.position, truth.position))
 
 
+@pytest.mark.thorough
 def test_an_imu_that_goes_wrong_in_flight_takes_no_position_away(run) -> None:
     """Poses a centimetre off are refused, for the filter believes its IMU too much."""
     healthy = Compare("<", Read(None, "estimate.age"), Quantity(0.25, DURATION))

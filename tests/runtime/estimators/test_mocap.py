@@ -71,6 +71,7 @@ def test_a_battery_report_is_none_of_its_business():
     assert mocap().update((Battery(0, 1.0, 16.0),), 0) is None
 
 
+@pytest.mark.thorough
 @given(
     rate=st.floats(30.0, 300.0),
     velocity=st.tuples(*[st.floats(-2.0, 2.0)] * 3),

@@ -77,6 +77,7 @@ def undisturbed():
     return errors_of(lively(), 3.0, room(TAGS), TAGS)
 
 
+@pytest.mark.thorough
 def test_in_flight_the_error_is_a_few_millimetres(undisturbed):
     errors, (*_, estimate) = undisturbed
     checked(errors)

@@ -209,6 +209,7 @@ def test_a_text_is_filled_with_what_the_event_carries():
     assert filled(text, event) == "alarm a 2.00 s 0.1235 true none none {}"
 
 
+@pytest.mark.thorough
 def test_a_flight_is_switched_and_its_options_changed_by_its_events(run):
     speed = "b.processors.fence.margin"
     callbacks = (
@@ -292,6 +293,7 @@ class Mumbling(Humming, flight=AIR >> AIR, emits=SetpointKind.POSITION):
     own_events = ()
 
 
+@pytest.mark.thorough
 def test_what_a_behavior_emits_is_answered_by_next_and_by_callbacks(run):
     callbacks = (on("hummed", LogText("{behavior} {second}")),)
     heard = TransitionPlan(target="down", event="hummed")

@@ -450,6 +450,7 @@ def when_begins(name: str, act: Callable[[Any], None]) -> dict[str, tuple[Any]]:
 AT_STILL = {"event": "phase_started", "fields": (("phase", "still"),), "vehicles": ("",)}
 
 
+@pytest.mark.thorough
 def test_the_flow_decides_before_a_callback_and_before_the_vehicle_itself(run) -> None:
     """In the tick in which `still` begins, a callback asks to land, and `hover` would land too."""
     team = aloft(

@@ -83,6 +83,7 @@ def test_the_coordinate_of_a_joint_and_its_rate_are_those_of_the_poses(name: str
     assert seen.speed == pytest.approx(slope, abs=0.04)
 
 
+@pytest.mark.thorough
 def test_the_rate_is_no_noisier_than_the_equation_says() -> None:
     """sqrt(12 / n) s / T for the velocity along x, of 0.5 mm in 18 poses and 0.15 s: 2.7 mm/s."""
     objects = tracked_objects(OBJECTS, Events(), {name: Measured(name) for name in OBJECTS})

@@ -419,6 +419,7 @@ def test_true_poses_are_flown_on_again_though_dead_reckoning_drifted(run):
     assert back.time - accepted.time < 50_000_000
 
 
+@pytest.mark.thorough
 def test_a_body_that_jumps_is_told_and_the_vehicle_ends_on_the_ground(run):
     _, told = run(flier(estimators=FALLBACK), faults=(fault("mocap_jump", None),))
     assert bodies(told)[0] == ("a", "body_jumped")
@@ -427,6 +428,7 @@ def test_a_body_that_jumps_is_told_and_the_vehicle_ends_on_the_ground(run):
     assert named(told, "landed")
 
 
+@pytest.mark.thorough
 def test_two_bodies_that_are_exchanged_are_told_with_their_names(run):
     two = (flier("a"), flier("b", start=(0.6, 0.0, 0.0)))
     _, told = run(*two, faults=(fault("mocap_swap", None, other="b"),))

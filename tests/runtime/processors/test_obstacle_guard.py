@@ -99,6 +99,7 @@ def test_it_stops_before_a_scanned_pillar(kind: SetpointKind) -> None:
     assert scan.distance(way[-1]) < KEPT + 0.1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", KINDS)
 def test_it_sees_both_walls_of_a_scanned_corner(kind: SetpointKind) -> None:
     """Fast along one, near it: of the other it knows before that is the nearer one."""

@@ -75,6 +75,7 @@ def test_half_a_turn_and_more_is_made_the_shorter_way() -> None:
     assert _turn(LEVEL) == ZERO
 
 
+@pytest.mark.thorough
 @given(
     axis=st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: norm(v) > 0.1),
     angle=st.floats(-1.5, 1.5),

@@ -87,6 +87,7 @@ def test_one_that_stays_armed_after_its_landing_is_disarmed_by_force(run):
     assert flown.exit_code == 0
 
 
+@pytest.mark.thorough
 def test_a_run_ends_with_the_truth_where_force_does_not_help(run):
     own = wrapped(lambda _, link: Stubborn(link, "flies"))
     flown, told = run(flight(own, 1.0))

@@ -72,6 +72,7 @@ def lab_flight(behavior: type[Rise], out: Path, *more: PartPlan):
     return flight, visit, [event for event in told if event.name.startswith("clamp")]
 
 
+@pytest.mark.thorough
 def test_a_behavior_whose_goal_is_clamped_has_failed(tmp_path: Path):
     flight, visit, _ = lab_flight(Rise, tmp_path)
     assert visit["ended"] == "failed"
@@ -85,6 +86,7 @@ def test_its_error_is_from_what_it_wanted(tmp_path: Path):
     assert visit["position_error_m"]["max"] == pytest.approx(3.8 - TOP, abs=0.02)
 
 
+@pytest.mark.thorough
 def test_a_clamp_is_told_once_when_it_begins_and_once_when_it_ends(tmp_path: Path):
     _, _, (began, ended) = lab_flight(Rise, tmp_path)
     assert (began.name, began.fields["processor"]) == ("clamp_started", "fence")
@@ -153,6 +155,7 @@ def test_velocities_are_clamped_too():
     assert (ended.fields["most"], ended.fields["seconds"]) == ("50 cm/s", pytest.approx(0.2))
 
 
+@pytest.mark.thorough
 def test_the_record_has_both(tmp_path: Path):
     lab_flight(Rise, tmp_path)
     lines = (tmp_path / "events.jsonl").read_text().splitlines()

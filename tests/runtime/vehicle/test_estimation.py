@@ -396,6 +396,7 @@ def test_the_output_goes_on_where_and_as_fast_as_the_last_one(position, velocity
     assert (out.source, out.age, out.spread) == (new.source, new.age, new.spread)
 
 
+@pytest.mark.thorough
 @given(small(0.15), small(0.25))
 def test_its_velocity_is_the_derivative_of_its_position_and_it_ends(position, velocity):
     _, blend = EstimateBlend.between(at(0, position, velocity), at(0, ZERO))

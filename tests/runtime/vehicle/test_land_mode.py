@@ -125,6 +125,7 @@ def test_a_mode_that_does_not_land_it_gives_way_to_our_own_landing(run, way, rea
     assert is_down(flown)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("severer", "way", "then"),
     [(Reaction.LAND_BLIND, ["land_blind", "auto_land", "fault"], ["land", "send", "rest"]),
@@ -139,6 +140,7 @@ def test_what_is_severer_ends_the_mode(run, severer, way, then):
     assert is_down(flown)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("way", ["lands", "refuses"])
 def test_one_that_lands_without_a_position_lands_blind_by_its_own_mode(run, way):
     own, opened = driver(way, lands_blind=True)
@@ -184,6 +186,7 @@ def test_a_link_that_says_nothing_of_a_land_mode_refuses():
         out.land(0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("alarms", "way"),
     [((), ["down", "landed"]),
@@ -197,6 +200,7 @@ def test_the_missions_own_landing_and_go_home_do_not_use_it(run, alarms, way):
     assert is_down(flown)
 
 
+@pytest.mark.thorough
 def test_an_interrupt_lands_by_it(run):
     own, opened = driver("lands")
 

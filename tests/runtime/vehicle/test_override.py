@@ -187,6 +187,7 @@ def test_nobody_lands_by_command_what_a_pilot_has_and_the_run_goes_on(run):
     assert flown.exit_code == 0
 
 
+@pytest.mark.thorough
 def test_a_vehicle_that_a_pilot_took_is_left_alone_until_a_person_asks_for_it(run):
     own, opened = driver("pilot")
     flown, told = run(flight(own), emitted=((BACK, "operator.resume"),))
@@ -262,6 +263,7 @@ def test_a_vehicle_that_is_asked_for_and_does_not_come_is_told_each_time(run):
     assert named(told, "control_returned") == []
 
 
+@pytest.mark.thorough
 def test_nobody_else_gets_a_vehicle_that_a_pilot_has(run):
     own, _ = driver("pilot")
     asks = []
@@ -340,6 +342,7 @@ def test_a_vehicle_is_told_where_it_is_by_others_only(run):
     assert said.fields == {"severity": "warning", "text": "low memory"}
 
 
+@pytest.mark.thorough
 def test_what_a_vehicle_checks_itself_is_part_of_the_preflight(run):
     class Settling(Autopilot):
         def checks(self, now):

@@ -62,6 +62,7 @@ def test_it_takes_effect_in_the_next_tick_and_names_who_asked(run: Any) -> None:
     assert (seen[0], seen[-1]) == (7.5, 9.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("wanted", "reason"),
     [

@@ -34,6 +34,7 @@ def refusals(told):
             for e in named(told, "switch_refused")]  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_a_granted_wish_leaves_the_state_with_how_asked_and_says_who_asked(run):
     ask = orders((5.0, lambda v: v.requests.switch("side", Requester.FLOW, "m.yaml:9")))
     _, told = run(flight(), observers=(ask,))

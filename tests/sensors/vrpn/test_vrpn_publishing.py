@@ -28,6 +28,7 @@ def plan() -> Plan:
     return in_still_air(plan)
 
 
+@pytest.mark.thorough
 def test_every_pose_is_published_and_the_flight_is_the_same(plan: Plan, tmp_path: Path) -> None:
     seen: list[tuple[str, Pose]] = []
     tapped = published(plan, lambda name, pose: seen.append((name, pose)))
