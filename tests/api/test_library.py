@@ -56,6 +56,7 @@ def test_a_package_without_its_files_is_told(
     assert "kybhollow: installed without its YAML files" in printed("library")[1]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("origin", [one.name for one in missions()])
 def test_a_new_mission_is_valid_in_an_empty_folder(origin: str, tmp_path: Path) -> None:
     scaffold("mine", origin, tmp_path)

@@ -202,6 +202,7 @@ def test_an_interrupt_lands_what_flies_and_leaves_out_the_rest(long: Path):
     assert exit_code(tried, len(cases)) == 130
 
 
+@pytest.mark.thorough
 def test_a_second_interrupt_kills(folder: Path):
     cases = [case(folder, "good", seed) for seed in range(3)]
     told: list[FlightResult] = []
@@ -304,6 +305,7 @@ def test_junit_tells_failures_from_errors(folder: Path, tmp_path: Path):
     assert suite[1][0].attrib == {"message": "why?", "type": "failed"}
 
 
+@pytest.mark.thorough
 def test_the_command_tells_what_was_not_taken_and_leaves_no_folder_that_holds_nothing(folder: Path):
     done = ran(str(folder / "good.yaml"), "--out", str(folder / "runs"))
     assert done.exit_code == 0
@@ -329,6 +331,7 @@ def test_full_fails_when_something_was_not_taken(folder: Path):
     assert ran(str(folder / "good.yaml"), "--full", "--out", str(folder)).exit_code == 1
 
 
+@pytest.mark.thorough
 def test_the_command_ends_as_its_gravest_case(folder: Path):
     done = ran(str(folder), "--out", str(folder / "runs"), "--jobs", "1")
     assert done.exit_code == 2

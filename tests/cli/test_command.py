@@ -60,6 +60,7 @@ def is_in(name: str) -> None:
     until(lambda: situation()["flying"] and state()["state"] == name, name)
 
 
+@pytest.mark.thorough
 def test_a_person_commands_a_run(flying: subprocess.Popen[str]) -> None:
     is_in("idle")
     with connect("run-a", "watcher") as client:

@@ -167,6 +167,7 @@ def signal_tier(number: int, phase: str) -> tuple[pytest.MarkDecorator, ...]:
     return (pytest.mark.thorough if number == signal.SIGINT or is_first else pytest.mark.slow,)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("number", "phase"),
     [pytest.param(n, p, marks=signal_tier(n, p)) for n, phases in LANDS.items() for p in phases],
@@ -194,6 +195,7 @@ def test_signals_without_a_meaning_change_nothing(signalled):
     assert left.is_whole
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("phase", phases(quick="hold"))
 def test_a_second_ctrl_c_cuts_the_stream(signalled, phase: str):
     first = PHASES[phase]
@@ -205,6 +207,7 @@ def test_a_second_ctrl_c_cuts_the_stream(signalled, phase: str):
     assert left.recorded == pytest.approx(left.summary["sim_time_s"], abs=0.1)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("phase", phases(quick="up"))
 def test_killed_it_leaves_all_but_the_last_second(
     signalled, phase: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

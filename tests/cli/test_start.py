@@ -46,6 +46,7 @@ def imported(code: str, *words: str) -> set[str]:
     return set(done.stdout.splitlines()[-1].split())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("words", [["--help"], ["run", "--help"], ["validate", EIGHT]])
 def test_what_flies_nothing_loads_nothing_that_flies(words: list[str]) -> None:
     modules = imported(IMPORTED, *words)
@@ -53,6 +54,7 @@ def test_what_flies_nothing_loads_nothing_that_flies(words: list[str]) -> None:
     assert "kybflow.cli.app" in modules
 
 
+@pytest.mark.thorough
 def test_no_mission_here_needs_more_than_numpy_to_be_validated() -> None:
     modules = imported(IMPORTED, "validate", str(MISSIONS))
     assert modules & (NEVER | FLIES) == {"numpy"}
@@ -65,6 +67,7 @@ def test_a_command_does_not_load_the_others() -> None:
     }
 
 
+@pytest.mark.thorough
 def test_a_run_has_loaded_at_its_first_tick_what_flies_and_no_more(tmp_path: Path) -> None:
     modules = imported(UNTIL_THE_FIRST_TICK + IMPORTED, "run", EIGHT, "--out", str(tmp_path / "r"))
     assert modules & NEVER == set()

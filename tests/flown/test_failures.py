@@ -226,6 +226,7 @@ class Cut(Through):
             raise DriverError("the cable is out")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("method", "way"),
     [("read", ["auto_land", "land_blind", "fault"]), ("send", ["auto_land"])],

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
 from plans import Through, part, state, then, vehicle, wrapped
 from short_flights import down, hovers, path, up
 
@@ -34,6 +35,7 @@ def commands(run, lies: bool) -> list[Command]:
     return told
 
 
+@pytest.mark.thorough
 def test_a_truth_that_lies_changes_no_command(run):
     honest = commands(run, lies=False)
     assert len(honest) > 2000

@@ -50,6 +50,7 @@ def test_conditions_read_what_is_seen_and_expectations_the_truth(tmp_path: Path)
     assert swung - noticed < 0.5
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("guarded", [True, False])
 def test_what_flies_into_an_object_stops_before_it_or_collides(
     tmp_path: Path, guarded: bool

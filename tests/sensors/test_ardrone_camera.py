@@ -109,6 +109,7 @@ def opened(host):
     return ArdroneCamera.open(params, context, None, random.Random(0))
 
 
+@pytest.mark.thorough
 def test_a_tag_is_seen_in_what_arrives(played):
     host, _ = played
     stream, frames = opened(host), []

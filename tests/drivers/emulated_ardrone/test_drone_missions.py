@@ -80,6 +80,7 @@ def test_it_turns_once_to_calibrate_its_magnetometer_and_flies_on(tmp_path):
     assert abs(headings[-1]) < 0.3
 
 
+@pytest.mark.thorough
 def test_who_lands_it_has_it_but_its_leds(tmp_path):
     commands = (asked(9.0, "land a"), asked(9.5, "perform a flip_left"),
                 asked(9.6, "perform a leds_red"))  # fmt: skip
@@ -116,6 +117,7 @@ def test_a_drone_that_stops_its_rotors_is_told_with_the_cause(tmp_path):
     assert session.links["a"].truth().position[2] < 0.1
 
 
+@pytest.mark.thorough
 def test_a_drone_with_an_empty_battery_lands_itself(tmp_path):
     text = mission(["a"], 15.0)
     flight, told, session = drone_flight(text, tmp_path, breaks=[(9.0, {"battery": 0.04})])
@@ -133,6 +135,7 @@ def test_a_drone_in_emergency_is_reset_before_take_off(tmp_path):
     assert named(told, "took_off")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("breaks", "check"),
     [([(0.0, {"cutout": True})], "emergency"), ([(0.0, {"battery": 0.1})], "own battery")],

@@ -34,6 +34,7 @@ def test_importing_the_part_loads_neither_mujoco_nor_pymavlink():
     assert found.stdout.strip() == "set()"
 
 
+@pytest.mark.thorough
 def test_a_mission_flies_on_ardupilot_without_a_change(tmp_path):
     done = mission_flight("first_flight.yaml", "emulated_ardupilot", tmp_path / "run")
     assert done.summary["outcome"] == "succeeded", done.summary["expectations"]

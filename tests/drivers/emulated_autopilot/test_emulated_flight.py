@@ -45,6 +45,7 @@ def landing(bench):
     return bench.run(20.0, lambda: not bench.pilot.state.armed)
 
 
+@pytest.mark.thorough
 @BOTH
 def test_it_arms_climbs_follows_positions_and_velocities_and_lands(name):
     bench = Bench(name).take_off(1.0)

@@ -75,6 +75,7 @@ def change() -> Any:
     return mavlink.MAVLink_param_set_message(1, 1, b"FS_GCS_ENABLE", 0.0, 9)
 
 
+@pytest.mark.thorough
 def test_a_changed_failsafe_parameter_is_told(tmp_path) -> None:
     flight = DryRun("ardupilot", tmp_path, deeds=[(WRONG, station(change(), seconds=0.1))])
     told = flight.only("foreign_command").fields["reason"]
@@ -82,6 +83,7 @@ def test_a_changed_failsafe_parameter_is_told(tmp_path) -> None:
     assert flight.flown.exit_code == 1
 
 
+@pytest.mark.thorough
 def test_where_others_may_command_it_the_run_may_succeed(tmp_path) -> None:
     deeds = [(WRONG, station(change(), seconds=0.1))]
     flight = DryRun("ardupilot", tmp_path, deeds=deeds, driver={"shared": True})

@@ -92,6 +92,7 @@ def test_on_return_it_goes_on_or_lands_as_the_mission_says(autopilot, way, tmp_p
         assert flight.flown.exit_code == 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=thorough), "ardupilot"])
 def test_one_that_is_nearly_down_is_not_taken_back(autopilot, tmp_path):
     """It would be commanded up from the ground, or be believed to fly while it stands there."""
@@ -104,6 +105,7 @@ def test_one_that_is_nearly_down_is_not_taken_back(autopilot, tmp_path):
     assert "its own failsafe" in flight.flown.summary["reason"]
 
 
+@pytest.mark.thorough
 @each(("px4", 5.0))
 def test_set_points_that_stall_are_a_matter_of_its_own_failsafe(autopilot, seconds, tmp_path):
     mute = fault("link_cut", seconds, way="to_vehicle")
@@ -147,6 +149,7 @@ def test_when_the_program_dies_it_lands_and_stops_its_rotors(autopilot, tmp_path
     assert down - WRONG < 8.0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("autopilot", "at", "late_poses"),
     [
@@ -168,6 +171,7 @@ def test_one_that_lifts_off_while_the_program_hangs_is_landed(autopilot, at, lat
     assert flight.events("arming_refused") == flight.events("foreign_command") == []
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=thorough), "ardupilot"])
 def test_a_program_that_is_late_does_not_come_between_an_autopilot_and_its_rotors(
     autopilot, tmp_path
@@ -183,6 +187,7 @@ def test_a_program_that_is_late_does_not_come_between_an_autopilot_and_its_rotor
     assert min(s.position[2] for s in late) > HEIGHT - 0.1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
 def test_a_slow_link_is_noticed_and_the_autopilot_lands_it(autopilot, tmp_path):
     flight = DryRun(autopilot, tmp_path, faults=[fault("clock_late", by=0.3)])

@@ -61,6 +61,7 @@ COMMANDS = {NUMBERS["COMMAND_LONG"]}
 """Numbers of the messages that steer."""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=thorough), "ardupilot"])
 def test_a_pilot_has_it_at_once_and_until_it_is_asked_for(autopilot, tmp_path):
     deeds, resume = [(WRONG, switches)], (BACK, "operator.resume")
@@ -79,6 +80,7 @@ def test_a_pilot_has_it_at_once_and_until_it_is_asked_for(autopilot, tmp_path):
     assert flight.is_safe()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
 def test_a_pilot_who_lands_it_ends_the_run(autopilot, tmp_path):
     def lands(flight):
@@ -96,6 +98,7 @@ def interrupted(times):
     return lambda flight: setattr(flight.engine, "interrupts", times)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
 def test_ctrl_c_lands_it_by_its_own_mode(autopilot, tmp_path):
     flight = DryRun(autopilot, tmp_path, deeds=[(WRONG, interrupted(1))])
@@ -105,6 +108,7 @@ def test_ctrl_c_lands_it_by_its_own_mode(autopilot, tmp_path):
     assert flight.is_safe()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("autopilot", [pytest.param("px4", marks=thorough), "ardupilot"])
 def test_a_second_ctrl_c_cuts_the_stream_and_it_lands_by_itself(autopilot, tmp_path):
     deeds = [(WRONG, interrupted(2))]
@@ -117,6 +121,7 @@ def test_a_second_ctrl_c_cuts_the_stream_and_it_lands_by_itself(autopilot, tmp_p
     assert flight.is_safe()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
 def test_who_disarms_it_in_its_landing_has_not_landed_it(autopilot, tmp_path):
     """It is down before its heartbeat says that its rotors rest."""

@@ -88,6 +88,7 @@ def test_it_will_not_arm(autopilot, what, tmp_path):
         assert flight.flown.exit_code == 0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("autopilot", "what", "check", "words"),
     [
@@ -129,6 +130,7 @@ def starts_watching(flight):
     flight.pilot.change = watched
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("autopilot", ["px4", pytest.param("ardupilot", marks=thorough)])
 def test_its_servo_is_not_set_up(autopilot, tmp_path):
     output = profile_of(autopilot).output(1, True).parameter

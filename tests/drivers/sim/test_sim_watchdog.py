@@ -50,6 +50,7 @@ HEIGHTS = {0.6: 0, 1.5: 1, 2.5: 2}
 """Metres, each with the seed of the quick tests; the others are thorough."""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("height", "seed"),
     [
@@ -99,6 +100,7 @@ def test_however_long_it_flew_before_it_does_not_climb(seconds, seed):
     assert_gently_down(*cut_after(seconds, seed))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("climb", [-1.0, 1.0])
 def test_the_watchdog_knows_how_fast_it_climbs(climb):
     session, link, now = in_flight(SimParams(), 2.0)

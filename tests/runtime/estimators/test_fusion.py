@@ -103,6 +103,7 @@ def test_late_noisy_poses_are_enough_and_it_knows_how_good_it_is(by_poses: list[
     assert_consistent(by_poses)
 
 
+@pytest.mark.thorough
 def test_the_biases_are_found(by_poses: list[Flight]) -> None:
     assert max(flight.force_bias for flight in by_poses) < 0.05
     assert max(degrees(flight.turn_bias) for flight in by_poses) < 0.25

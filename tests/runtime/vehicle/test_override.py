@@ -223,6 +223,7 @@ def test_a_brake_from_before_it_was_taken_ends_with_that(run, brakes):
     assert flown.exit_code == 0
 
 
+@pytest.mark.thorough
 def test_a_brake_that_is_due_when_it_is_back_holds_it_then(run):
     own, _ = driver("pilot")
     alarm = alarming((7.5, BACK + 0.5, Reaction.BRAKE))

@@ -190,6 +190,7 @@ def test_time_stamps_that_stand_still_are_said_until_they_go_on(server: Server, 
     reader.close()
 
 
+@pytest.mark.thorough
 @OPENINGS
 def test_it_comes_back_when_the_server_does(direct: bool) -> None:
     port = free_port()
