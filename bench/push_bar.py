@@ -76,6 +76,10 @@ def _breaks(fault: str) -> Case:
 
 
 _HULL = ("like: std.ardrone_hull", "like: std.ardrone_hull\n    airframe: {bumper_height: 5 cm}")
+_STOP = (
+    ("to: 3 m", "to: 1.5 m"), ("position: $goal", "position: 1.5 m"),
+    ("$goal + 4 cm, for: 3 s", "1.4 m, for: 60 s"),
+)  # fmt: skip
 CASES = {
     "disturbed": Case(),
     "both_signs": Case(signs=(-1, 1)),
@@ -86,7 +90,7 @@ CASES = {
     "lost": _breaks("rotor_weak, left: 0.2"),
     "link": _breaks("link_cut"),
     "mocap": _breaks("mocap_dropout"),
-    "stop": Case(edits=(("to: 3 m", "to: 60 cm"),), disturbs=False),
+    "stop": Case(edits=_STOP, disturbs=False),
 }  # fmt: skip
 
 
@@ -152,7 +156,8 @@ class Watch:
         for vehicle in engine.vehicles:
             name, pushes = vehicle.name, vehicle.as_member().pushes is not None
             if pushes:
-                self.ended.pop(name, None)
+                if len(self.ended) < len(engine.vehicles):
+                    self.ended.pop(name, None)
                 apart = 0.0 if name in touching else self._apart.get(name, 0.0) + 0.02
                 if quiet and apart >= BROKEN_S > self._apart.get(name, 0.0):
                     self.broken += 1
@@ -215,7 +220,8 @@ def main() -> None:
         for seed in range(options.first, options.first + options.seeds):
             watch, summary, told = flight(CASES[name], seed)
             shown = line_of(CASES[name], watch, told)
-            print(f"{name:10s} {seed:3d} {shown}  {summary['outcome']}", flush=True)
+            end = summary["reason"] or summary["outcome"]
+            print(f"{name:10s} {seed:3d} {shown}  {end}", flush=True)
 
 
 if __name__ == "__main__":
