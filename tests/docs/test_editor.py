@@ -22,9 +22,12 @@ from kybflow.parts.catalog import load_catalog
 
 MISSIONS = sorted((ROOT / "missions").glob("*.yaml"))
 SERVER = shutil.which("yaml-language-server")
-pytestmark = pytest.mark.skipif(
-    SERVER is None, reason="npm install --global yaml-language-server@1 brings it"
-)
+pytestmark = [
+    pytest.mark.thorough,
+    pytest.mark.skipif(
+        SERVER is None, reason="npm install --global yaml-language-server@1 brings it"
+    ),
+]
 
 
 class Server:

@@ -986,9 +986,10 @@ def group_named_in_chinese(mission: Mission) -> Changes:
 
 @valid
 def obstacle_named_in_french(mission: Mission) -> Changes:
-    """An obstacle has a French name."""
+    """An obstacle that nothing else names has a French name."""
     for key, _ in mission.pairs("world", "obstacles"):
-        yield change(put(key, "meuble_à_éviter"))
+        if mission.text.count(key.value) == 1:
+            yield change(put(key, "meuble_à_éviter"))
 
 
 @valid

@@ -937,7 +937,7 @@ def _cart(mission: Mission, slide: str) -> Changes:
     corner = _free_corner(mission)
     if corner:
         at = f"at: [{corner[0] - 0.5:g}, {corner[1] - 0.3:g}, 0.5]"
-        entry = f"cart: {{{at}, size: [0.2, 0.2, 0.1], mass: 1 kg, slide: {slide}}}"
+        entry = f"wagon: {{{at}, size: [0.2, 0.2, 0.1], mass: 1 kg, slide: {slide}}}"
         yield change(_object(mission, entry))
 
 
