@@ -12,11 +12,12 @@ centre; the friction of its `grip` on the floor resists. World frame, SI.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from math import hypot, sqrt
+from itertools import product
+from math import hypot, prod, sqrt
 from typing import NamedTuple
 
-from kybflow.core.geometry import GRAVITY, UP, Vec3, add, cross, dot, rotate, scale, sub
-from kybflow.world.objects import Placement, TurnJoint, WorldObject, boxes_of, placements
+from kybflow.core.geometry import GRAVITY, UP, Vec3, add, cross, dot, rotate, sub
+from kybflow.world.objects import Placement, TurnJoint, WorldObject, placements, solids_of
 
 _AXES: tuple[tuple[str, Vec3], ...] = (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)))
 _GYRATION = 1.0 / sqrt(3.0)
@@ -61,38 +62,28 @@ def freedoms_of(objects: Mapping[str, WorldObject], name: str) -> tuple[Freedom,
     places, found = placements(objects, {}), list[Freedom]()
     below: str | None = name
     while below is not None:
-        one = objects[below]
-        carried = [*_carried(objects, below)]
-        mass = sum(objects[other].mass for other in carried)
+        one, place, carried = objects[below], places[below], [*_carried(objects, below)]
+        mass = sum(other.mass for other in carried)
+        axis = UP if one.is_free else rotate(place.attitude, one.axis)
+        moved = sum(_inertia(c, places[c.name], axis, place.position) for c in carried)
         joint = one.joint
-        if joint is not None:
-            turns, place = isinstance(joint, TurnJoint), places[below]
-            axis = rotate(place.attitude, one.axis)
-            moved = mass
-            if turns:
-                moved = sum(
-                    _inertia(objects[other], places[other], axis, place.position)
-                    for other in carried
-                )
-            label = "yaw" if turns else "position"
-            found.append(
-                Freedom(below, label, one.axis, turns, moved, joint.friction, joint.low, joint.high)
-            )
+        if isinstance(joint, TurnJoint):
+            stops = joint.low, joint.high
+            found.append(Freedom(below, "yaw", one.axis, True, moved, joint.friction, *stops))
+        elif joint is not None:
+            stops = joint.low, joint.high
+            found.append(Freedom(below, "position", one.axis, False, mass, joint.friction, *stops))
         elif one.is_free:
-            place, resists = places[below], one.grip * mass * GRAVITY
-            moved = sum(
-                _inertia(objects[other], places[other], UP, place.position) for other in carried
-            )
-            arm = hypot(one.size[0], one.size[1]) / sqrt(12.0)
+            resists, arm = one.grip * mass * GRAVITY, hypot(*one.size[:2]) / sqrt(12.0)
             found.append(Freedom(below, "yaw", UP, True, moved, resists * arm))
             found += (Freedom(below, label, a, False, mass, resists) for label, a in _AXES)
         below = one.on
     return tuple(found)
 
 
-def _carried(objects: Mapping[str, WorldObject], name: str) -> Iterator[str]:
+def _carried(objects: Mapping[str, WorldObject], name: str) -> Iterator[WorldObject]:
     """Yield an object and everything that is on it."""
-    yield name
+    yield objects[name]
     for one in objects.values():
         if one.on == name:
             yield from _carried(objects, one.name)
@@ -102,13 +93,10 @@ def _inertia(one: WorldObject, place: Placement, axis: Vec3, about: Vec3) -> flo
     """Return an object's moment of inertia (kg m^2) about an axis through a point. Of each of its
     boxes, eight equal point masses at the radii of gyration have the same moment."""
     found = 0.0
-    for centre, attitude, (hx, hy, hz) in boxes_of(one):
-        mass = one.mass * 8.0 * hx * hy * hz / one.volume
-        for x in (-hx, hx):
-            for y in (-hy, hy):
-                for z in (-hz, hz):
-                    corner = rotate(attitude, scale((x, y, z), _GYRATION))
-                    p = add(place.position, rotate(place.attitude, add(centre, corner)))
-                    arm = cross(axis, sub(p, about))
-                    found += mass / 8.0 * dot(arm, arm)
+    for box in solids_of(one, place):
+        mass = one.mass * prod(2.0 * half for half in box.half) / one.volume
+        for signs in product((-_GYRATION, _GYRATION), repeat=3):
+            x, y, z = (sign * half for sign, half in zip(signs, box.half, strict=True))
+            arm = cross(axis, sub(add(box.centre, rotate(box.attitude, (x, y, z))), about))
+            found += 0.125 * mass * dot(arm, arm)
     return found

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar, cast
 from kybflow.core.errors import PartError
 from kybflow.core.params import Field, fields_with
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics import Diagnostic, Text, goals_like
+from kybflow.dsl.diagnostics import Diagnostic, Related, Severity, Text, goals_like
 from kybflow.dsl.expressions import Condition, Expression, Scope, parse
 from kybflow.dsl.expressions.tokens import KEYWORDS
 from kybflow.dsl.language.records import Record
 from kybflow.dsl.names import BUILT_IN, Scopes
 from kybflow.dsl.plan import PartPlan, Plan, StatePlan, TransitionPlan, VehiclePlan
 from kybflow.flight.loops.position_loop import delay_margin
-from kybflow.parts import Behavior, Flight, Leg
+from kybflow.parts import Behavior, Flight, Leg, Objection
 from kybflow.world.vehicle_context import VehicleContext
 
 if TYPE_CHECKING:
@@ -159,6 +159,20 @@ def no_state(code: str, name: Text, vehicle: VehiclePlan, more: tuple[str, ...] 
         name.span,
         label="unknown",
         help=did_you_mean(name.text, (*vehicle.known[key], *more)),
+    )
+
+
+def objected(
+    code: str, name: str, part: PartPlan, objection: Objection, related: tuple[Related, ...] = ()
+) -> Diagnostic:
+    """Return the finding for what a part, called `name`, objects to; a warning for a doubt."""
+    return Diagnostic(
+        code,
+        f"`{objection.parameter}` of `{name}` {objection.reason}",
+        part.span_of(objection.parameter),
+        help=objection.hint,
+        severity=Severity.WARNING if objection.is_doubt else Severity.ERROR,
+        related=related,
     )
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kybflow.dsl.checks.case import Case, contexts
+from kybflow.dsl.checks.case import Case, contexts, objected
 from kybflow.dsl.checks.flows import phases, runs_of
-from kybflow.dsl.diagnostics import Diagnostic, Severity
+from kybflow.dsl.diagnostics import Diagnostic
 
 
 def coordinators_at_odds(case: Case) -> Iterator[Diagnostic]:
@@ -17,27 +17,19 @@ def coordinators_at_odds(case: Case) -> Iterator[Diagnostic]:
     runs no vehicle. A warning: the object creeps along a slide whose friction is less than what
     pushes it while it is turned.
     """
-    if not any(phase.coordinator for _, phase in phases(case.plan)):
-        return
-    own = {vehicle.name: context for vehicle, context in case.cached(contexts)}
     for _, phase in phases(case.plan):
         part = phase.coordinator
         if part is None:
             continue
-        team = {name: own[name] for name in runs_of(case, phase)}
+        ran = runs_of(case, phase)
+        team = {v.name: context for v, context in case.cached(contexts) if v.name in ran}
         if not team:
             message = f"the coordinator of `{phase.name}` has no vehicles"
             hint = "write `run: {VEHICLE: BEHAVIOR}` in the phase"
             yield Diagnostic("KYB588", message, part.span, help=hint)
             continue
         for objection in part.cls.objections(part.params, team):
-            yield Diagnostic(
-                "KYB588",
-                f"`{objection.parameter}` of `{part.name}` {objection.reason}",
-                part.span_of(objection.parameter),
-                help=objection.hint,
-                severity=Severity.WARNING if objection.is_doubt else Severity.ERROR,
-            )
+            yield objected("KYB588", part.name, part, objection)
 
 
 def pushes_without_force(case: Case) -> Iterator[Diagnostic]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from kybflow.core.params import named_in
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.checks.case import Case, contexts
+from kybflow.dsl.checks.case import Case, contexts, objected
 from kybflow.dsl.checks.flows import phases, runs_of
 from kybflow.dsl.checks.space import own_place
 from kybflow.dsl.diagnostics import Diagnostic, Related, Severity, Span
@@ -168,11 +168,4 @@ def at_odds(case: Case) -> Iterator[Diagnostic]:
     for vehicle, context in case.cached(contexts):
         for state in vehicle.states.values():
             for objection in state.behavior.cls.objections(state.behavior.params, context):
-                severity = Severity.WARNING if objection.is_doubt else Severity.ERROR
-                yield Diagnostic(
-                    "KYB523",
-                    f"`{objection.parameter}` of `{state.name}` {objection.reason}",
-                    state.behavior.span_of(objection.parameter),
-                    help=objection.hint,
-                    severity=severity,
-                )
+                yield objected("KYB523", state.name, state.behavior, objection)

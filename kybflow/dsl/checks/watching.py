@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from kybflow.core.geometry import GRAVITY
 from kybflow.core.signals import Reaction
 from kybflow.core.units import LENGTH, SPEED, format_quantity
-from kybflow.dsl.checks.case import Case, contexts, transitions_of
+from kybflow.dsl.checks.case import Case, contexts, objected, transitions_of
 from kybflow.dsl.checks.conditions import conditions_of
 from kybflow.dsl.checks.envelopes import reaches_of
 from kybflow.dsl.checks.estimators import latency_allowed
@@ -32,17 +32,17 @@ def crossed_at_once(case: Case) -> Iterator[Diagnostic]:
     For example, it is shorter than a tick, more precise than any estimate, or wider than the
     distance between the vehicles' starts. Each part decides that for itself.
     """
-    for objected in case.cached(_objections):
-        if not objected.objection.is_doubt:
-            yield _finding("KYB416", objected, Severity.ERROR)
+    for found in case.cached(_objections):
+        if not found.objection.is_doubt:
+            yield _finding("KYB416", found)
 
 
 def of_little_help(case: Case) -> Iterator[Diagnostic]:
     """KYB417: a bound of a supervisor, a processor or an estimator is never crossed, crossed too
     late to help, or crossed in normal flights (a warning)."""
-    for objected in case.cached(_objections):
-        if objected.objection.is_doubt:
-            yield _finding("KYB417", objected, Severity.WARNING)
+    for found in case.cached(_objections):
+        if found.objection.is_doubt:
+            yield _finding("KYB417", found)
 
 
 class _Objected(NamedTuple):
@@ -79,16 +79,8 @@ def _usual_loop(vehicle: VehiclePlan) -> InnerLoop | None:
     return loop
 
 
-def _finding(code: str, objected: _Objected, severity: Severity) -> Diagnostic:
-    part, objection, related = objected
-    return Diagnostic(
-        code,
-        f"`{objection.parameter}` of `{part.alias}` {objection.reason}",
-        part.span_of(objection.parameter),
-        help=objection.hint,
-        severity=severity,
-        related=related,
-    )
+def _finding(code: str, found: _Objected) -> Diagnostic:
+    return objected(code, found.part.alias, found.part, found.objection, found.related)
 
 
 def nobody_lands_it(case: Case) -> Iterator[Diagnostic]:

@@ -11,11 +11,13 @@ frame.
 from __future__ import annotations
 
 from kybflow.core.geometry import Vec3, dot, sub
-from kybflow.core.signals import Estimate
+from kybflow.core.signals import NS, Estimate, Time
 from kybflow.world.objects import Face
 
 NEAR, APART = 0.02, 0.05
 STILL = 0.03
+UNSEEN_NS: Time = NS // 5
+"""How old the last sight of an object may be while vehicles touch it, ns."""
 SURE_S = 0.1
 """For how long contact must be seen, or not be seen, s."""
 

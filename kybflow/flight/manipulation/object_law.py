@@ -106,11 +106,14 @@ class ObjectLaw:
             last = self._forces.get(name, 0.0)
             forces[name] = min(last + _SLEW * dt, max(last - _SLEW * dt, force))
         self._forces = forces
-        for i, (aim, force) in enumerate(zip(aims, wanted, strict=True)):
-            given = sum(p.levers[i] * forces[name] for name, p in pushers.items())
-            lack = force - given
+        given = [
+            sum(one.levers[i] * forces[name] for name, one in pushers.items())
+            for i in range(len(aims))
+        ]
+        for aim, force, got in zip(aims, wanted, given, strict=True):
+            lack = force - got
             self._lacks[aim.freedom.name] = lack if abs(lack) > 0.1 * abs(force) else 0.0
-        return LawOutput(forces, self.mode, self._short(aims, wanted, pushers, dt))
+        return LawOutput(forces, self.mode, self._short(aims, wanted, given, dt))
 
     def _switch(self, aims: Sequence[Aim], pushers: Mapping[str, Pusher], dt: float) -> None:
         """Change the mode, if it is time."""
@@ -203,22 +206,21 @@ class ObjectLaw:
         self,
         aims: Sequence[Aim],
         wanted: Sequence[float],
-        pushers: Mapping[str, Pusher],
+        given: Sequence[float],
         dt: float,
     ) -> str:
         """Return what the forces have not sufficed for long, or an empty text."""
         short = ""
-        for i, (aim, force) in enumerate(zip(aims, wanted, strict=True)):
+        for aim, force, got in zip(aims, wanted, given, strict=True):
             error, friction = aim.error or 0.0, aim.freedom.friction
             if abs(error) < _DISPLACED * aim.tolerance or (self.mode == "align" and not force):
                 continue
             ahead = 1.0 if error > 0.0 else -1.0
-            given = sum(p.levers[i] * self._forces[name] for name, p in pushers.items()) * ahead
-            if given <= friction and (force * ahead > friction or not force):
+            if got * ahead <= friction and (force * ahead > friction or not force):
                 unit = "N m" if aim.freedom.turns else "N"
                 short = (
                     f"`{aim.freedom.name}` needs more than {friction:.2g} {unit} towards its goal, "
-                    f"and the vehicles give {given:.2f} {unit}"
+                    f"and the vehicles give {got * ahead:.2f} {unit}"
                 )
         self._short_s = self._short_s + dt if short else 0.0
         return short if self._short_s >= _SHORT_S else ""

@@ -8,15 +8,14 @@ from math import atan2, hypot
 from typing import Any, NamedTuple
 
 from kybflow.core.geometry import Vec3, add, scale
-from kybflow.core.signals import NS, Setpoint, SetpointKind, Tick, Time
+from kybflow.core.signals import NS, Setpoint, SetpointKind, Tick
 from kybflow.core.text import did_you_mean
 from kybflow.flight.governor import shortened
+from kybflow.flight.manipulation.contact import UNSEEN_NS
 from kybflow.parts import Objection, param
 from kybflow.world.objects import Face, face_of, placements, seen_face
 from kybflow.world.vehicle_context import VehicleContext
 
-UNSEEN_NS: Time = NS // 5
-"""How old the last sight of an object may be, ns."""
 _LEVEL = 0.3
 """The largest vertical part of the direction out of a surface that a vehicle can face."""
 BACK_RATE, _BACK_SPEED = 1.5, 0.15

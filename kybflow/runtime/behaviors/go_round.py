@@ -13,14 +13,15 @@ metres.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from math import atan2
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, AngularRate, Duration, Length, Speed
 from kybflow.flight.manipulation.way_round import way_round
-from kybflow.flight.motion import Coast, Straight, Turn
+from kybflow.flight.motion import Coast, Motion, Straight, Turn
 from kybflow.parts import AIR, Behavior, Entry, Objection, param, params
 from kybflow.runtime.behaviors import _surface
 from kybflow.world.objects import Face, base_of, corners, place_of
@@ -53,27 +54,42 @@ class GoRoundParams:
     )
 
 
+class _Way:
+    """Straight legs through points, each from rest to rest. end: the last point. duration: of all
+    legs, s."""
+
+    def __init__(self, start: Vec3, through: Sequence[Vec3], speed: float, most: float) -> None:
+        self._legs = [Straight(a, b, speed, most) for a, b in pairwise((start, *through))]
+        self.end = through[-1]
+        self.duration = sum(leg.duration for leg in self._legs)
+
+    def at(self, time: float) -> Motion:
+        for leg in self._legs[:-1]:
+            if time < leg.duration:
+                return leg.at(time)
+            time -= leg.duration
+        return self._legs[-1].at(time)
+
+
 class GoRound(Behavior[GoRoundParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
     def __init__(self, params: GoRoundParams, entry: Entry) -> None:
         super().__init__(params, entry)
         self._entry = entry
         self._coast = Coast.after(entry.motion)
-        self._legs: list[Straight] | None = None
-        self._turn = Turn(entry.heading, None, params.turn_rate)
-        self._left = 0.0
+        self._planned: tuple[_Way, Turn] | None = None
 
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
-        if self._legs is None:
+        if self._planned is None:
             face, trouble = _surface.look(self.params.surface, self._entry.context, tick)
-            way = None if face is None or trouble else self._way(face, tick)
-            if way is None or face is None:
+            through = None if face is None or trouble else self._corners(face, tick)
+            if face is None or through is None:
                 stop = self._coast.at(tick.elapsed).setpoint(self._entry.heading)
                 return Failed(stop, trouble or "the fence leaves no way round the object")
-            self._begin(way, face)
-        return self._fly(tick)
+            self._planned = self._plan(through, face)
+        return self._fly(tick, *self._planned)
 
-    def _way(self, face: Face, tick: Tick) -> tuple[Vec3, ...] | None:
-        """Return the way to the front of the surface."""
+    def _corners(self, face: Face, tick: Tick) -> tuple[Vec3, ...] | None:
+        """Return the corners of the way to the front of the surface, None without a way."""
         p, context = self.params, self._entry.context
         objects, reach = context.objects, context.airframe.bumper or context.airframe.hull
         base = base_of(objects, p.surface.partition(".")[0])
@@ -86,32 +102,16 @@ class GoRound(Behavior[GoRoundParams], flight=AIR >> AIR, emits=SetpointKind.POS
         goal = _surface.front(face, p.distance, context)
         return way_round(points, reach + p.keep, self._coast.end, goal, context.fence)
 
-    def _begin(self, way: tuple[Vec3, ...], face: Face) -> None:
-        p, (x, y, _) = self.params, face.outward
-        speed, start = self._entry.cruise_speed(p.speed), self._coast.end
-        self._legs = []
-        for corner in way:
-            self._legs.append(Straight(start, corner, speed, p.acceleration))
-            start = corner
-        self._turn = Turn(self._entry.heading, atan2(-y, -x), p.turn_rate)
-        self._left = max(self._coast.duration, self._turn.duration)
-        self._end = start
+    def _plan(self, through: tuple[Vec3, ...], face: Face) -> tuple[_Way, Turn]:
+        p, (x, y, _), entry = self.params, face.outward, self._entry
+        way = _Way(self._coast.end, through, entry.cruise_speed(p.speed), p.acceleration)
+        return way, Turn(entry.heading, atan2(-y, -x), p.turn_rate)
 
-    def _fly(self, tick: Tick) -> Setpoint | Done | Failed:
-        """Return the setpoint on the legs, each of which begins when the one before is over."""
-        assert self._legs is not None
+    def _fly(self, tick: Tick, way: _Way, turn: Turn) -> Setpoint | Done | Failed:
         time = tick.elapsed
-        since, leg = time, self._legs[0]
-        for leg in self._legs:
-            if since < leg.duration or leg is self._legs[-1]:
-                break
-            since -= leg.duration
-        motion = leg.at(since)
-        if time < self._coast.duration:
-            motion = motion.plus(self._coast.shift(time))
-        setpoint = motion.setpoint(*self._turn.at(time))
-        over = time - max(self._left, sum(one.duration for one in self._legs))
-        gap = distance(tick.known().position, self._end)
+        setpoint = self._coast.added(way.at(time).setpoint(*turn.at(time)), time)
+        over = time - max(way.duration, self._coast.duration, turn.duration)
+        gap = distance(tick.known().position, way.end)
         if over >= 0.0 and gap < _ARRIVED:
             return Done(setpoint)
         if over > self.params.patience:

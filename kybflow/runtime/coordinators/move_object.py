@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from math import tan
 
 from kybflow.core.geometry import heading_of, rotate, scale, wrap
-from kybflow.core.signals import NS, SeenObject
+from kybflow.core.signals import SeenObject
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import (
     DEG,
@@ -29,12 +29,12 @@ from kybflow.core.units import (
     Speed,
     format_quantity,
 )
+from kybflow.flight.manipulation.contact import UNSEEN_NS
 from kybflow.flight.manipulation.object_law import Aim, ObjectLaw, Pusher
 from kybflow.parts import Coordinator, Objection, Shares, Team, TeamMember, TeamTick, param, params
 from kybflow.world.freedoms import Freedom, freedoms_of
 from kybflow.world.objects import Placement, WorldObject, seen_face
 
-_UNSEEN_NS = NS // 5
 _BLIND_S = 0.15
 """Age of an estimate from which its vehicle counts as one that no longer pushes, s."""
 _AXES = ("x", "y")
@@ -89,7 +89,7 @@ class MoveObject(Coordinator[MoveObjectParams]):
 
     def _is_seen(self, name: str, tick: TeamTick) -> bool:
         seen = tick.objects.get(name)
-        return seen is not None and tick.now - seen.time <= _UNSEEN_NS
+        return seen is not None and tick.now - seen.time <= UNSEEN_NS
 
     def _aim(self, free: Freedom, seen: SeenObject) -> Aim:
         p = self.params

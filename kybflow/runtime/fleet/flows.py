@@ -24,7 +24,7 @@ from kybflow.core.events import Custom
 from kybflow.core.signals import NO_OBJECTS, NS, SeenObjects, Time
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.machine import Exit, FlowMachine
-from kybflow.dsl.plan import END, FlowPlan, PhasePlan, Plan
+from kybflow.dsl.plan import END, FlowPlan, PartPlan, PhasePlan, Plan
 from kybflow.flight.motion import Pace
 from kybflow.parts import Coordinator, TeamTick
 from kybflow.parts.events import (
@@ -68,7 +68,7 @@ class RunningFlow:
     turn: the vehicle whose turn it is.
     waiting: the vehicles that still wait for their turn.
     missed: the events of ticks in which the turn passed, to be handled later.
-    coordinator: that of the current phase, None without. coordinated: what it does.
+    coordinator: that of the current phase, from its first tick on. coordinated: what it does.
     """
 
     def __init__(self, plan: FlowPlan, machine: FlowMachine) -> None:
@@ -239,8 +239,8 @@ class Flows:
         phase = flow.phase
         if flow.unpaced:
             self._pace(flow)
-        if flow.coordinator is not None:
-            self._coordinate(flow, flow.coordinator, now, dt)
+        if phase.coordinator is not None:
+            self._coordinate(flow, phase.coordinator, now, dt)
         if any(self._vehicles[v].requests.paused for v in self.driven(flow.plan.name)):
             flow.wait(dt)
             return
@@ -291,12 +291,13 @@ class Flows:
             for one, _ in paces:
                 one.keep(slowest)
 
-    def _coordinate(
-        self, flow: RunningFlow, coordinator: Coordinator[Any], now: Time, dt: float
-    ) -> None:
+    def _coordinate(self, flow: RunningFlow, part: PartPlan, now: Time, dt: float) -> None:
         """Give each vehicle of the phase what its coordinator says, and report what that does."""
         members = {name: self._vehicles[name] for name in flow.phase.run}
-        shares = coordinator.update(
+        if flow.coordinator is None:
+            team = {name: vehicle.context for name, vehicle in members.items()}
+            flow.coordinator = part.cls(part.params, team)
+        shares = flow.coordinator.update(
             TeamTick(now, dt, self._objects, {n: v.as_member() for n, v in members.items()})
         )
         for name, vehicle in members.items():
@@ -314,10 +315,6 @@ class Flows:
     def _enter(self, flow: RunningFlow) -> None:
         phase, name = flow.phase, flow.plan.name
         flow.arrived(self._events.now)
-        if phase.coordinator is not None:
-            part = phase.coordinator
-            team = {name: self._vehicles[name].context for name in phase.run}
-            flow.coordinator = part.cls(part.params, team)
         self._events.emit(PhaseStarted(flow=name, phase=phase.name), at=phase.at)
         given = [to for vehicle, to in phase.give.items() if self._give(flow, vehicle, to)]
         for other in dict.fromkeys(given):

@@ -29,7 +29,7 @@ from kybflow.dsl.plan import (
     TransitionPlan,
 )
 from kybflow.flight.motion import Pace
-from kybflow.parts import Coordinator, Shares, TeamMember, TeamTick
+from kybflow.parts import Coordinator, Shares, Team, TeamMember, TeamTick
 from kybflow.runtime.events import Events
 from kybflow.runtime.fleet.flows import Flows
 from kybflow.runtime.vehicle.requests import Requester
@@ -81,6 +81,11 @@ class Equal(Coordinator[float]):
             if pushing
             else (Shares({}, state, "nobody pushes"))
         )
+
+
+class Broken(Equal):
+    def __init__(self, params: float, team: Team) -> None:
+        raise RuntimeError("no such load")
 
 
 EQUAL = PartPlan("equal", Equal, 1.0, "coordinators.equal")
@@ -382,6 +387,16 @@ def test_a_coordinator_that_fails_ends_its_flow_and_nobody_keeps_a_share(total: 
     stage.step()
     assert [event.name for event in stage.told][-4:-3] == ["flow_failed"]
     assert stage.a.share is None
+
+
+def test_a_coordinator_that_can_not_be_made_ends_its_flow_only() -> None:
+    part = PartPlan("broken", Broken, 1.0, "coordinators.broken")
+    team = flow("team", replace(phase("push", run={"a": "push"}), coordinator=part))
+    stage = Stage(team, flow("solo", phase("alone", go("end", after=9.0), run={"b": "up"})))
+    stage.step(3)
+    [failed] = named(stage.told, "flow_failed")
+    assert failed.fields["flow"] == "team"
+    assert (stage.a.share, stage.phases("solo")) == (None, ["alone"])
 
 
 # In the simulator.
