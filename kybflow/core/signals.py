@@ -224,7 +224,9 @@ class Setpoint(NamedTuple):
     neither position nor velocity. The tracker follows `heading` (rad) and feeds `heading_rate`
     (rad/s) forward; if `heading` is None, it turns at `heading_rate`, starting from the heading
     that it followed last. presses: the horizontal unit vector along which the vehicle presses
-    against something; the tracker doesn't counter what pushes the vehicle back.
+    against something; the tracker doesn't counter what pushes the vehicle back. The acceleration of
+    such a setpoint is the force per mass with which it presses, and no change of its velocity; it
+    bypasses the processors.
     """
 
     kind: SetpointKind

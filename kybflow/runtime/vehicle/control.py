@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import OptionRefused, PartError, PartFailed
 from kybflow.core.events import Emitting
-from kybflow.core.geometry import ZERO, distance
+from kybflow.core.geometry import ZERO, add, distance, dot, scale, sub
 from kybflow.core.signals import NS, Alarm, Command, Retune, Setpoint, SetpointKind, Tick, Time
 from kybflow.core.units import format_measured
 from kybflow.dsl.plan import VehiclePlan
@@ -187,6 +187,8 @@ class Control:
             self.followed = None
             return command, asked
         setpoint = checked_setpoint(asked)
+        if setpoint.presses is not None:
+            setpoint = setpoint._replace(acceleration=None)
         part = ""
         try:
             for part, process in self._active:
@@ -198,13 +200,9 @@ class Control:
                     if reports.alarm(processor, output, tick):
                         return None
                 else:
-                    given = self._granted(part, output) if isinstance(output, _MORE) else output
-                    given = checked_setpoint(given)
-                    if part in self._clamping:
-                        reason = self.clamps.note(part, setpoint, given, tick.now)
-                        if reason is not None:
-                            reports.clamped(reason)
-                    setpoint = given
+                    setpoint = self._changed(part, setpoint, output, tick.now, reports)
+            if setpoint.presses is not None:
+                setpoint = _pressing(asked, setpoint)
             part = self._tracker_label
             command = checked_command(self._tracker.update(setpoint, tick))
         except Exception:
@@ -222,6 +220,24 @@ class Control:
         command = checked_command(self._tracker.update(self.followed, tick))
         self._raised = ""
         return command
+
+    def _changed(
+        self,
+        label: str,
+        asked: Setpoint,
+        output: Setpoint | Emitting | Retune,
+        now: Time,
+        reports: ProcessorReports,
+    ) -> Setpoint:
+        """Return the setpoint with which a processor answers `asked`, and note whether it clamps.
+        Raises PartError for what it doesn't declare, ValueError if it is not finite."""
+        given = self._granted(label, output) if isinstance(output, _MORE) else output
+        given = checked_setpoint(given)
+        if label in self._clamping:
+            reason = self.clamps.note(label, asked, given, now)
+            if reason is not None:
+                reports.clamped(reason)
+        return given
 
     def _granted(self, label: str, given: Emitting | Retune) -> Setpoint:
         """Emit a processor's event, or request its changes of the tracker's options, and return its
@@ -266,6 +282,15 @@ class Control:
     def parts(self) -> dict[str, Any]:
         """Return the processors and the tracker by label."""
         return {**self._processors, self._tracker_label: self._tracker}
+
+
+def _pressing(asked: Setpoint, given: Setpoint) -> Setpoint:
+    """Return the processors' setpoint with the acceleration with which the behavior presses: less
+    of it if they hold the vehicle back by more than counts as a clamp."""
+    held = dot(sub(asked.velocity or ZERO, given.velocity or ZERO), asked.presses or ZERO)
+    share = min(1.0, max(0.0, 2.0 - held / _LEAST_SPEED))
+    push = scale(asked.acceleration or ZERO, share)
+    return given._replace(acceleration=add(given.acceleration or ZERO, push))
 
 
 def _turning(command: Command, off_ground: bool) -> Command:
