@@ -1,10 +1,11 @@
 """Fly around an object to the front of one of its surfaces.
 
-The way is planned when the behavior begins, from where the object and everything that it is joined
-with are seen: it goes around all of them, left or right, whichever is shorter and inside the fence
+The way is planned from where the object and everything that it is joined with are seen: it goes
+around all of them, left or right, whichever is shorter and inside the fence
 (`kybflow.flight.manipulation.way_round`), at the height of the surface, in straight legs. The
-vehicle stops at each corner and turns towards the surface on the way. It is done at `distance` in
-front of the surface; `approach_contact` goes on from there. Let go of a surface before.
+vehicle stops at each corner and turns towards the surface on the way. If the surface has moved by
+10 cm since, the way is planned anew. It is done at `distance` in front of the surface;
+`approach_contact` goes on from there. Let go of a surface before.
 
 To also keep away from other vehicles and obstacles, the vehicle needs the processor
 `avoid_obstacles`. Fails if the object isn't seen, or if the fence leaves no way. World frame,
@@ -16,19 +17,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import atan2
+from typing import NamedTuple
 
 from kybflow.core.geometry import Vec3, distance
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import Acceleration, AngularRate, Duration, Length, Speed
 from kybflow.flight.manipulation.way_round import way_round
-from kybflow.flight.motion import Coast, Motion, Straight, Turn
+from kybflow.flight.motion import Coast, Motion, Straight, Turn, motion_of
 from kybflow.parts import AIR, Behavior, Entry, Objection, param, params
 from kybflow.runtime.behaviors import _surface
 from kybflow.world.objects import Face, base_of, corners, place_of
 from kybflow.world.vehicle_context import VehicleContext
 
-_ARRIVED = 0.05
-"""Distance from the last point that counts as there, m."""
+_ARRIVED, _MOVED = 0.05, 0.1
+"""Distances from the last point that count as there, and as a surface that has moved, m."""
 
 
 @params
@@ -71,26 +73,53 @@ class _Way:
         return self._legs[-1].at(time)
 
 
+class _Plan(NamedTuple):
+    """What is flown from `since` on, s: a coast to rest, and from there a way and a turn."""
+
+    since: float
+    coast: Coast
+    way: _Way
+    turn: Turn
+
+    def at(self, time: float) -> Setpoint:
+        after = time - self.since
+        return self.coast.added(self.way.at(after).setpoint(*self.turn.at(after)), after)
+
+    @property
+    def end(self) -> float:
+        return self.since + max(self.way.duration, self.coast.duration, self.turn.duration)
+
+
 class GoRound(Behavior[GoRoundParams], flight=AIR >> AIR, emits=SetpointKind.POSITION):
     def __init__(self, params: GoRoundParams, entry: Entry) -> None:
         super().__init__(params, entry)
         self._entry = entry
-        self._coast = Coast.after(entry.motion)
-        self._planned: tuple[_Way, Turn] | None = None
+        self._plan: _Plan | None = None
 
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
-        if self._planned is None:
-            face, trouble = _surface.look(self.params.surface, self._entry.context, tick)
-            through = None if face is None or trouble else self._corners(face, tick)
-            if face is None or through is None:
-                stop = self._coast.at(tick.elapsed).setpoint(self._entry.heading)
-                return Failed(stop, trouble or "the fence leaves no way round the object")
-            self._planned = self._plan(through, face)
-        return self._fly(tick, *self._planned)
+        p, plan = self.params, self._plan
+        face, trouble = _surface.look(p.surface, self._entry.context, tick)
+        if face is not None and not trouble:
+            goal = _surface.front(face, p.distance, self._entry.context)
+            if plan is None or distance(goal, plan.way.end) > _MOVED:
+                plan = self._plan = self._planned(face, goal, plan, tick)
+                trouble = "" if plan else "the fence leaves no way round the object"
+        if plan is None:
+            motion, heading = self._from(None, tick)
+            return Failed(Coast.after(motion).at(0.0).setpoint(heading), trouble)
+        setpoint, over = plan.at(tick.elapsed), tick.elapsed - plan.end
+        gap = distance(tick.known().position, plan.way.end)
+        if over > p.patience:
+            trouble = trouble or f"still {gap:.3f} m from `{p.surface}`"
+        if trouble:
+            return Failed(setpoint, trouble)
+        return Done(setpoint) if over >= 0.0 and gap < _ARRIVED else setpoint
 
-    def _corners(self, face: Face, tick: Tick) -> tuple[Vec3, ...] | None:
-        """Return the corners of the way to the front of the surface, None without a way."""
-        p, context = self.params, self._entry.context
+    def _planned(self, face: Face, goal: Vec3, last: _Plan | None, tick: Tick) -> _Plan | None:
+        """Return the plan to `goal`, in front of the surface; None without a way."""
+        p, context, (x, y, _) = self.params, self._entry.context, face.outward
+        motion, heading = self._from(last, tick)
+        coast = Coast.after(motion)
         objects, reach = context.objects, context.airframe.bumper or context.airframe.hull
         base = base_of(objects, p.surface.partition(".")[0])
         joined = [one for name, one in objects.items() if base_of(objects, name) == base]
@@ -99,24 +128,18 @@ class GoRound(Behavior[GoRoundParams], flight=AIR >> AIR, emits=SetpointKind.POS
             for one in joined
             for corner in corners(one, place_of(objects, tick.objects, one.name))
         ]
-        goal = _surface.front(face, p.distance, context)
-        return way_round(points, reach + p.keep, self._coast.end, goal, context.fence)
+        through = way_round(points, reach + p.keep, coast.end, goal, context.fence)
+        if through is None:
+            return None
+        way = _Way(coast.end, through, self._entry.cruise_speed(p.speed), p.acceleration)
+        return _Plan(tick.elapsed, coast, way, Turn(heading, atan2(-y, -x), p.turn_rate))
 
-    def _plan(self, through: tuple[Vec3, ...], face: Face) -> tuple[_Way, Turn]:
-        p, (x, y, _), entry = self.params, face.outward, self._entry
-        way = _Way(self._coast.end, through, entry.cruise_speed(p.speed), p.acceleration)
-        return way, Turn(entry.heading, atan2(-y, -x), p.turn_rate)
-
-    def _fly(self, tick: Tick, way: _Way, turn: Turn) -> Setpoint | Done | Failed:
-        time = tick.elapsed
-        setpoint = self._coast.added(way.at(time).setpoint(*turn.at(time)), time)
-        over = time - max(way.duration, self._coast.duration, turn.duration)
-        gap = distance(tick.known().position, way.end)
-        if over >= 0.0 and gap < _ARRIVED:
-            return Done(setpoint)
-        if over > self.params.patience:
-            return Failed(setpoint, f"still {gap:.3f} m from `{self.params.surface}`")
-        return setpoint
+    def _from(self, last: _Plan | None, tick: Tick) -> tuple[Motion, float]:
+        """Return the motion and the heading from which a plan begins."""
+        followed = tick.setpoint
+        if last is None or followed is None:
+            return self._entry.motion, self._entry.heading
+        return motion_of(followed), last.turn.at(tick.elapsed - last.since)[0]
 
     @classmethod
     def objections(cls, params: GoRoundParams, context: VehicleContext) -> Iterator[Objection]:

@@ -27,17 +27,19 @@ def tick(time: float, position: Vec3, seen: SeenObjects) -> Tick:
     return Tick(now, DT, time, estimate(position, now=now), None, None, {}, objects=seen)
 
 
-def flown(behavior: GoRound) -> tuple[list[Vec3], Done | Failed]:
-    """Follow the setpoints exactly until it ends."""
-    position, places = BEHIND, list[Vec3]()
+def flown(behavior: GoRound, moved_by: float = 0.0) -> tuple[list[Vec3], Done | Failed]:
+    """Follow the setpoints exactly until it ends. moved_by: how far somebody moves the block after
+    two seconds."""
+    position, places, last = BEHIND, list[Vec3](), None
     for i in range(round(60.0 / DT)):
-        seen = seen_block(0.0, 0.0, round(i * DT * NS))
-        out = behavior.update(tick(i * DT, position, seen))
+        q = moved_by if i * DT > 2.0 else 0.0
+        seen = seen_block(q, 0.0, round(i * DT * NS))
+        out = behavior.update(tick(i * DT, position, seen)._replace(setpoint=last))
         if isinstance(out, Done | Failed):
             return places, out
         assert isinstance(out, Setpoint)
         assert out.position is not None
-        position = out.position
+        position, last = out.position, out
         places.append(position)
     raise AssertionError("it never ends")
 
@@ -51,6 +53,13 @@ def test_it_ends_in_front_of_the_surface_and_keeps_off_all_the_way() -> None:
     assert places[-1][0] < BLOCK.at[0]
     assert out.setpoint.heading == pytest.approx(0.0)
     assert max(distance(a, b) for a, b in pairwise(places)) <= PARAMS.speed * DT + 1e-9
+
+
+def test_it_plans_anew_if_the_object_is_moved() -> None:
+    moved, _ = flown(GoRound(PARAMS, entry(BEHIND, context=CONTEXT)), moved_by=-0.4)
+    still, _ = flown(GoRound(PARAMS, entry(BEHIND, context=CONTEXT)))
+    assert moved[-1] == pytest.approx((still[-1][0] - 0.4, *still[-1][1:]))
+    assert max(distance(a, b) for a, b in pairwise(moved)) <= 1.2 * PARAMS.speed * DT
 
 
 def test_it_fails_where_the_object_is_not_seen_or_the_fence_leaves_no_way() -> None:
