@@ -7,14 +7,15 @@ with that of the vehicles and the dry friction F, is to have the generalized for
 
 whose integral I overcomes a friction that is larger than declared, and falls when the object moves
 faster than wanted. Three modes follow each other: `align` turns the object to its goal, `push` also
-moves it, and `hold` keeps it there. The vehicles only push: in `align` and `hold` their sum along
-each slide stays below its friction, so that the object stays where it is.
+moves it, and `hold` keeps it there. The vehicles only push, and friction brakes: their sum B along
+each slide is never larger than Q, and stays below the friction of a slide that is to stay, so that
+turning the object doesn't move it on.
 
 The forces f of the vehicles, with the levers L, minimize
 
-    sum_j c_j (L_j f - Q_j)^2 + eps |f - p|^2,    p <= f <= most,    |L_k f| <= 0.8 F_k
+    sum_j c_j (L_j f - Q_j)^2 + eps |f - p|^2,    p <= f <= most,    |L_k f| <= B_k
 
-p: a preload that keeps contact. k: the freedoms that are to stay.
+p: a preload that keeps contact. k: the slides with friction.
 
 The law is the project's own. Static pushes by feed-forward of force: arXiv 2306.12167. The sharing
 of a load among vehicles by least squares: Fink, Michael, Kim, Kumar, "Planning and control for
@@ -29,15 +30,20 @@ from typing import Any, Literal, NamedTuple
 from kybflow.world.freedoms import Freedom
 
 Mode = Literal["align", "push", "hold"]
-_APPROACH_S, _RESPONSE_S = (2.5, 1.5), (0.7, 0.6)
+_APPROACH_S, _RESPONSE_S = (3.5, 1.5), (0.7, 0.6)
 """T and tau of a slide and of a turn, s. Rates are measured, and forces act, about 0.3 s late."""
 _INTEGRAL_S = 4.0
 """The time of the integral, with which K = M / tau / time, s."""
 _NEAR_ZERO, _SLOWEST = 0.3, 0.01
 """w0 of a turn and of a slide, relative to the largest speed. A slide is no longer pushed when it
 has arrived, so it needs its friction to the end."""
-_STAYS = 0.8
-"""The largest force along a freedom that is to stay, relative to its friction."""
+_STAYS, _BRAKED = 0.8, 0.4
+"""The largest force along a slide that is to stay, and along one that is to come to rest, relative
+to its friction."""
+_RESTS = 0.02
+"""The rate below which a slide counts as at rest, m/s."""
+_LIGHTEST = 0.5
+"""The smallest preload while a slide brakes, relative to the declared one."""
 _ALIGNED_S, _STILL = 1.0, 0.1
 """For how long (s) an object is aligned, at a rate (rad/s) below this, before it is pushed."""
 _MISALIGNED = 10.0 / 3.0
@@ -186,12 +192,14 @@ class ObjectLaw:
                 weight = _TURNING_COST / max(arm, 1e-3) ** 2 if aim.freedom.turns else 1.0
                 cost += weight * np.outer(row, row)
                 pull += weight * force * row
-            elif aim.freedom.friction and not aim.freedom.turns:
+            if aim.freedom.friction and not aim.freedom.turns:
+                least = abs(float(row.sum())) * self._preload
+                rests = not move and abs(aim.rate) < _RESTS
+                cap = (_STAYS if rests else _BRAKED) * aim.freedom.friction
                 rows.append(row)
-                caps.append(_STAYS * aim.freedom.friction)
-                sum_of_all = abs(float(row.sum())) * self._preload
-                if sum_of_all > caps[-1]:
-                    preload = min(preload, self._preload * caps[-1] / sum_of_all)
+                caps.append(max(cap, abs(force), _LIGHTEST * least))
+                if least > caps[-1]:
+                    preload = min(preload, self._preload * caps[-1] / least)
         pull += _PRELOAD_COST * preload
         most = np.array([max(one.most, preload) for one in pushers.values()])
         bound = np.array(caps)

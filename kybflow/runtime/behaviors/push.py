@@ -6,8 +6,10 @@ and doesn't counter what pushes it back. In contact, the surface then carries ab
 
     F = m g tan(tilt)
 
-With 420 g, 5 degrees are 0.36 N. If the object moves at `speed`, the force has fallen to zero, so
-that a free object isn't chased. The force rises within half a second.
+With 420 g, 5 degrees are 0.36 N. The friction of a surface at the vehicle's rim tilts it by up to
+1.5 degrees, so a slow integral of the measured tilt corrects the feed-forward. If the object moves
+at `speed`, the force has fallen to zero, so that a free object isn't chased. The force rises within
+half a second.
 
 It is done when the object is at the stop of its joint towards which it is pushed. It no longer
 presses and fails within 0.2 s when contact is broken, the object isn't seen, or the coordinator no
@@ -24,7 +26,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import tan
 
-from kybflow.core.geometry import Vec3, distance, dot, scale
+from kybflow.core.geometry import GRAVITY, Vec3, body_z, distance, dot, scale
 from kybflow.core.signals import Done, Failed, Setpoint, SetpointKind, Tick
 from kybflow.core.units import FORCE, Duration, Force, Speed, format_quantity
 from kybflow.flight.manipulation.contact import TouchSense
@@ -35,6 +37,8 @@ from kybflow.world.objects import Face, Placement
 from kybflow.world.vehicle_context import VehicleContext
 
 _RISE_S = 0.5
+_TRIM_S, _MOST_TRIM = 1.0, 0.4
+"""The time, s, and the bound, m/s^2, of the integral that corrects the feed-forward."""
 _ENTRY_S = 1.0
 """The time in which contact must be seen after the entry, s."""
 _MOVED = 0.01
@@ -72,7 +76,7 @@ class PushBehavior(Behavior[PushBehaviorParams], flight=AIR >> AIR, emits=Setpoi
         self._freedoms = freedoms_of(entry.context.objects, params.surface.partition(".")[0])
         self._touched = False
         self._place: Vec3 | None = None
-        self._moved = 0.0
+        self._moved = self._trim = 0.0
 
     def update(self, tick: Tick) -> Setpoint | Done | Failed:
         p, known = self.params, tick.known()
@@ -94,10 +98,14 @@ class PushBehavior(Behavior[PushBehaviorParams], flight=AIR >> AIR, emits=Setpoi
         if self._at_stop(face, tick):
             return Done(rest)
         ahead = -dot(face.velocity, face.outward)
-        left = min(1.0, max(0.0, 2.0 - 2.0 * ahead / p.speed))
-        push = (
-            min(1.0, tick.elapsed / _RISE_S) * left * (force or 0.0) / self._context.airframe.mass
-        )
+        share = min(1.0, max(0.0, 2.0 - 2.0 * ahead / p.speed)) * min(1.0, tick.elapsed / _RISE_S)
+        push = share * (force or 0.0) / self._context.airframe.mass
+        if touches:
+            up = body_z(known.attitude)
+            lean = -GRAVITY * dot(up, face.outward) / up[2]
+            trim = self._trim + tick.dt / _TRIM_S * (push - lean)
+            self._trim = min(_MOST_TRIM, max(-_MOST_TRIM, trim))
+        push = max(0.0, push + share * self._trim)
         return _surface.facing(face, known.position, self._context, 0.0, push)
 
     def _is_stuck(self, face: Face, elapsed: float) -> bool:

@@ -4,7 +4,7 @@ than contact lasts."""
 from __future__ import annotations
 
 from dataclasses import replace
-from math import tan
+from math import atan, cos, sin, tan
 
 import pytest
 from part_bench import BLOCK, DT, MASS, WITH_BLOCK, entry, estimate, seen_block
@@ -27,12 +27,28 @@ IN_TOUCH: Vec3 = (FACE - REACH, 0.2, 1.0)
 
 def tick(
     elapsed: float, position: Vec3, velocity: Vec3 = (0.0, 0.0, 0.0), q: float = 0.0,
-    speed: float = 0.0, age: float = 0.0,
+    speed: float = 0.0, age: float = 0.0, lean: float = 0.0,
 ) -> Tick:  # fmt: skip
+    """lean: the acceleration along x that the tilt gives."""
     now = round(elapsed * NS)
     seen = seen_block(q, speed, now - round(age * NS))
-    known = estimate(position, velocity, now)
+    tilted = (cos(atan(lean / GRAVITY) / 2.0), 0.0, sin(atan(lean / GRAVITY) / 2.0), 0.0)
+    known = estimate(position, velocity, now)._replace(attitude=tilted)
     return Tick(now, DT, elapsed, known, None, None, {}, objects=seen)
+
+
+def pushed(behavior: PushBehavior, seconds: float, short: float = 0.0, **more: float) -> float:
+    """Push, at rest, with a tilt that follows the setpoint but for `short`; return its acceleration
+    at the end. more: the share, or where the object is."""
+    x, y, z = IN_TOUCH
+    share, lean = more.get("share"), 0.0
+    for i in range(round(seconds / DT)):
+        now = tick(i * DT, (x + more.get("q", 0.0), y, z), q=more.get("q", 0.0), lean=lean - short)
+        given = behavior.update(now._replace(share=share))
+        assert isinstance(given, Setpoint)
+        assert given.acceleration is not None
+        lean = given.acceleration[0]
+    return lean
 
 
 def pushing(force: float = 0.1, speed: float = 0.2, q: float = 0.0) -> PushBehavior:
@@ -41,17 +57,15 @@ def pushing(force: float = 0.1, speed: float = 0.2, q: float = 0.0) -> PushBehav
         PushBehaviorParams(surface="block.back", force=force, speed=speed),
         entry(IN_TOUCH, context=CONTEXT),
     )
-    for i in range(round(1.0 / DT)):
-        x, y, z = IN_TOUCH
-        assert isinstance(behavior.update(tick(i * DT, (x + q, y, z), q=q)), Setpoint)
+    pushed(behavior, 1.0, q=q)
     return behavior
 
 
 def test_it_presses_as_hard_as_asked_and_no_harder_than_a_moving_object_needs() -> None:
-    given = pushing(0.1).update(tick(1.0, IN_TOUCH))
+    given = pushing(0.1).update(tick(1.0, IN_TOUCH, lean=0.1 / MASS))
     assert isinstance(given, Setpoint)
     assert given.kind is SetpointKind.VELOCITY
-    assert given.acceleration == pytest.approx((0.1 / MASS, 0.0, 0.0))
+    assert given.acceleration == pytest.approx((0.1 / MASS, 0.0, 0.0), rel=0.03)
     assert given.presses == pytest.approx((1.0, 0.0, 0.0))
     moving = pushing(0.1).update(tick(1.0, IN_TOUCH, (0.2, 0.0, 0.0), speed=0.2))
     assert isinstance(moving, Setpoint)
@@ -59,13 +73,17 @@ def test_it_presses_as_hard_as_asked_and_no_harder_than_a_moving_object_needs() 
     assert moving.velocity == pytest.approx((0.2, 0.0, 0.0))
 
 
+@pytest.mark.parametrize("short", [0.2, -0.2])
+def test_a_tilt_that_friction_holds_back_is_corrected(short: float) -> None:
+    params = PushBehaviorParams(surface="block.back", force=0.2)
+    behavior = PushBehavior(params, entry(IN_TOUCH, context=CONTEXT))
+    assert pushed(behavior, 6.0, short) - short == pytest.approx(0.2 / MASS, rel=0.02)
+
+
 def test_without_a_force_it_presses_as_the_coordinator_says_and_lets_go_without_one() -> None:
     params = PushBehaviorParams(surface="block.back")
     behavior = PushBehavior(params, entry(IN_TOUCH, context=CONTEXT))
-    for i in range(round(1.0 / DT)):
-        given = behavior.update(tick(i * DT, IN_TOUCH)._replace(share=0.1))
-    assert isinstance(given, Setpoint)
-    assert given.acceleration == pytest.approx((0.1 / MASS, 0.0, 0.0))
+    assert pushed(behavior, 1.0, share=0.1) == pytest.approx(0.1 / MASS, rel=0.03)
     failed = behavior.update(tick(1.0, IN_TOUCH))
     assert isinstance(failed, Failed)
     assert failed.reason == "no coordinator gives it a force"
