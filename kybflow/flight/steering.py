@@ -38,6 +38,8 @@ LONGEST_SPOOL = 0.1
 seconds."""
 LEAST_NEWS = 0.001
 """Least time by which the newest measurement must be newer than the last one weighed, seconds."""
+DOUBTED, MOST_LIFT_OFF = 3.0, 0.05
+"""How many times the spread of an estimate a lift-off exceeds, and the largest such height, m."""
 MOST_TRIM = 0.1
 """Largest trim of the slope of body z, about 6 degrees."""
 LEAST_LIFT, MOST_THRUST = 0.3, 0.95
@@ -86,10 +88,12 @@ class Steering:
 
     def weigh(self, setpoint: Setpoint, estimate: Estimate, lift_off: float, dt: float) -> None:
         """Update the mass estimate. lift_off: the height above the ground from which the vehicle
-        counts as flying, m."""
-        height = estimate.position[2]
+        counts as flying, m; more, up to `MOST_LIFT_OFF`, if the estimate is too noisy for it."""
+        height, doubt = estimate.position[2], DOUBTED * estimate.spread
         if self._floor is None:
             self._floor = height
+        if doubt > lift_off:
+            lift_off = max(lift_off, min(doubt, MOST_LIFT_OFF))
         above = self._floor + lift_off
         flew, flies = self.flies, height > above
         self.flies = flies
