@@ -43,6 +43,8 @@ KINDS = {
 IN_AIR = 0.12
 """Metres over the floor above which a vehicle does not stand: a parcel is 10 cm high."""
 TOO_HIGH, TOO_LONG = 0.5, 1.0
+OWN_CLIMB = 0.7
+"""Metres that an AR.Drone takes off to by itself, before it follows a setpoint."""
 TOO_FAST, TOO_FAR = 1.5, 0.5
 ENOUGH_LIFT, ENOUGH_AUTHORITY = 1.1, 0.1
 _TOUCHES, _BEFORE, _RESTS, _STILL = 0.01, 0.03, 1.0, 0.05
@@ -110,7 +112,8 @@ class Track:
         self.height = _height(vehicle, truth["position"][:, 2], truth["attitude"])
         there = (setpoint["present"] & HAS_POSITION) > 0
         wanted = np.where(there, setpoint["position"][:, 2], vehicle.start[2])
-        self.top = np.maximum.accumulate(np.maximum(wanted, vehicle.start[2]))
+        climbs = OWN_CLIMB if "ardrone" in vehicle.driver.name else 0.0
+        self.top = np.maximum.accumulate(np.maximum(wanted, vehicle.start[2] + climbs))
         self.armed = ticks["command"]["armed"]
 
     def at(self, seconds: float) -> int:

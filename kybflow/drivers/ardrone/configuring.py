@@ -170,6 +170,8 @@ trip."""
 RESEND_TIMEOUT_NS: Time = 2 * NS
 """Time after which to stop resending, and to stop waiting for the first change, since a firmware
 may not know the value."""
+ALONE = 6
+"""How many times as long as two round trips one has to take to count as much."""
 TAG, UNSET = "gps:altitude", "0"
 
 
@@ -177,7 +179,8 @@ class RoundTrips:
     """The round trips of one drone.
 
     delay: the shorter of the last two round trips, seconds, including the wait for kybflow's tick;
-    zero until two have been measured. A pending round trip counts with its duration so far.
+    zero until two have been measured. A pending round trip counts with its duration so far, and
+    with its `ALONE`th part if the one before it was short: commands may be queued on their way.
     post: queues command lines, each of which is sent only once.
     """
 
@@ -212,7 +215,8 @@ class RoundTrips:
             self._before, self._newest, self._asked = self._newest, taken, None
             self.delay = min(self._before, self._newest) / NS
             return
-        self.delay = max(min(self._before, self._newest), min(self._newest, taken)) / NS
+        alone = taken // ALONE if self._newest else 0
+        self.delay = max(min(self._before, self._newest), min(self._newest, taken), alone) / NS
         if now - self._sent >= CHANGE_RESEND_PERIOD and taken < RESEND_TIMEOUT_NS:
             self._send(now)
 

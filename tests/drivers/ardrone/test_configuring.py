@@ -151,7 +151,15 @@ def test_one_that_was_cut_off_for_a_second_and_answers_then_is_not_late():
     drone.is_cut = True
     delays = drone.run(100)
     drone.is_cut = False
-    assert max(delays + drone.run(200)) < 0.1
+    assert max(delays + drone.run(200)) < 0.2  # the default bound
+
+
+def test_commands_that_are_queued_for_seconds_are_noticed_before_the_first_answer():
+    drone = LateDrone(late=4)
+    drone.run(150)
+    drone.late = 200
+    delays = drone.run(150)
+    assert next(tick for tick, delay in enumerate(delays) if delay > 0.2) < 150
 
 
 def test_one_that_never_acknowledges_is_not_called_late():
