@@ -37,7 +37,7 @@ _INTEGRAL_S = 4.0
 _NEAR_ZERO, _SLOWEST = 0.3, 0.01
 """w0 of a turn and of a slide, relative to the largest speed. A slide is no longer pushed when it
 has arrived, so it needs its friction to the end."""
-_STAYS, _BRAKED = 0.8, 0.4
+_STAYS, _BRAKED = 0.7, 0.4
 """The largest force along a slide that is to stay, and along one that is to come to rest, relative
 to its friction."""
 _RESTS = 0.02
@@ -102,7 +102,7 @@ class ObjectLaw:
     def update(self, aims: Sequence[Aim], pushers: Mapping[str, Pusher], dt: float) -> LawOutput:
         """Return the forces for the next tick."""
         self._switch(aims, pushers, dt)
-        moves = [a.error is not None and (a.freedom.turns or self.mode == "push") for a in aims]
+        moves = [self._is_moved(aim) for aim in aims]
         wanted = [
             self._force(aim, i, pushers, dt) if move else 0.0
             for i, (aim, move) in enumerate(zip(aims, moves, strict=True))
@@ -120,6 +120,14 @@ class ObjectLaw:
             lack = force - got
             self._lacks[aim.freedom.name] = lack if abs(lack) > 0.1 * abs(force) else 0.0
         return LawOutput(forces, self.mode, self._short(aims, wanted, given, dt))
+
+    def _is_moved(self, aim: Aim) -> bool:
+        """Return whether a freedom is to move now: an aligned object that is held is left alone,
+        for each turn of it could move its slide on."""
+        if not aim.freedom.turns or self.mode != "hold":
+            return aim.error is not None and (aim.freedom.turns or self.mode == "push")
+        near = abs(aim.error or 0.0) < _ARRIVED * aim.tolerance
+        return aim.error is not None and not (near and abs(aim.rate) < _STILL)
 
     def _switch(self, aims: Sequence[Aim], pushers: Mapping[str, Pusher], dt: float) -> None:
         """Change the mode, if it is time."""
