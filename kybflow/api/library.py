@@ -17,7 +17,7 @@ from kybflow.core.files import read_all
 from kybflow.core.names import CHARACTER, LETTER, name_flaw
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.compiler import compile_mission
-from kybflow.dsl.diagnostics import Findings, Span
+from kybflow.dsl.diagnostics import Collector, Span
 from kybflow.dsl.language.published import schema_text
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, entries_of
 from kybflow.dsl.reading.reader import ParsedFile, read
@@ -108,7 +108,7 @@ def imports_of(one: Shipped) -> Iterator[Import]:
     for name, entry in entries_of(one.root.get("import") if one.root else None).items():
         text = entry.value.get("from") if isinstance(entry.value, Mapping) else entry.value
         if isinstance(text, Scalar):
-            place = find(text, LibraryPath(one.path, str(one.path)), root, Findings())
+            place = find(text, LibraryPath(one.path, str(one.path)), root, Collector())
             library = None
             if place is not None:  # named as any mission can import it, or else as written here
                 names = (name for name, path in _library_files() if path.samefile(place.path))

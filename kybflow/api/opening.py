@@ -16,7 +16,7 @@ from kybflow.core.params import Field
 from kybflow.core.signals import Sticks
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.entry_values import OF_ENTRIES, OF_OPTIONS
-from kybflow.dsl.diagnostics import Diagnostic, Findings, Severity, Span
+from kybflow.dsl.diagnostics import Collector, Diagnostic, Severity, Span
 from kybflow.dsl.expanding.flows import entry_values, with_options
 from kybflow.dsl.expanding.world import Points
 from kybflow.dsl.language.records import Source
@@ -281,14 +281,14 @@ class PlanEntryJudge:
             raise Refused(f"`{state}` is built in and takes no values")
         entries: dict[str, nodes.MappingEntry] = {}
         for name, text in written:
-            found = Findings()
+            found = Collector()
             node = compose(text, _HERE.file, found)
             if node is not None:
                 node = Points(self._plan.points, found).apply(node)
             if node is None or found.all:
                 raise Refused(f"`{name}`: {_in_a_line(found.all[0])}")
             entries[name] = nodes.MappingEntry(nodes.Scalar(name, _HERE), node)
-        found = Findings()
+        found = Collector()
         values = entry_values(Source(_HERE, nodes.Mapping(entries, _HERE)), own.behavior, found)
         if found.all:
             raise Refused(_in_a_line(found.all[0]))

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from kybflow.core.files import File
-from kybflow.dsl.diagnostics import Findings, Text
+from kybflow.dsl.diagnostics import Collector, Text
 from kybflow.dsl.expanding.flows import given_vehicles, own_vehicles, values_for
 from kybflow.dsl.expressions import Expression, Scope, parse
 from kybflow.dsl.expressions.tree import Unparsed
@@ -187,7 +187,7 @@ def _phase(phase: PhasePlan, plan: Plan, scope: Scope, catalog: Catalog) -> Phas
         options=tuple(
             SetOption(option.name, value)
             for target in phase.pairs("set")
-            for option, value in option_values(*target, plan, catalog, Findings())
+            for option, value in option_values(*target, plan, catalog, Collector())
         ),
         transitions=tuple(t.but(when=_when(t.when, scope)) for t in phase.transitions),
         ends=all(bool(transition.since) for transition in phase.transitions),
@@ -223,7 +223,7 @@ def _actions(action: ActionKeys, plan: Plan, catalog: Catalog) -> Iterator[Actio
         yield from (Perform(vehicle, value) for vehicle in plan.members(target))
     elif name == "set":
         name_and_node = (action.target_text, action.value_node)
-        for option, decoded in option_values(*name_and_node, plan, catalog, Findings()):
+        for option, decoded in option_values(*name_and_node, plan, catalog, Collector()):
             yield SetOption(option.name, decoded)
     elif name in ("enable", "disable"):
         who, _, label = value.partition(".")

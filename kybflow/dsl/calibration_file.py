@@ -18,7 +18,7 @@ from math import isfinite
 from kybflow.core.errors import FileError, UnitError
 from kybflow.core.files import File
 from kybflow.core.units import parse_number
-from kybflow.dsl.diagnostics import Findings
+from kybflow.dsl.diagnostics import Collector
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, describe, items_of
 from kybflow.dsl.reading.reader import compose
 from kybflow.world.cameras import Lens
@@ -35,7 +35,7 @@ def read_calibration(file: File) -> Lens:
     """Return the lens that a calibration file describes. Raises FileError."""
     first, _, rest = file.text.partition("\n")
     text = f"\n{rest}" if first.startswith("%YAML") else file.text
-    found = Findings()
+    found = Collector()
     root = compose(text, file.name, found)
     for finding in found.all:
         if finding.code != _TAGGED:

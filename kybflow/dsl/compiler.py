@@ -19,8 +19,8 @@ from kybflow.dsl.bind import bind
 from kybflow.dsl.checks import check
 from kybflow.dsl.diagnostics import (
     SET,
+    Collector,
     Diagnostic,
-    Findings,
     Related,
     Stopped,
     has_errors,
@@ -83,7 +83,7 @@ def _compiled(
     path: Path, file: str, catalog: Catalog, target: str | None, sets: Sequence[str]
 ) -> tuple[Plan | None, Files, Result]:
     source = read(path, file)
-    files, found = Files(source, path), Findings()
+    files, found = Files(source, path), Collector()
     try:
         plan = _passes(source, files, catalog, target, sets, found)
     except Stopped:
@@ -100,7 +100,7 @@ def _passes(
     catalog: Catalog,
     target: str | None,
     sets: Sequence[str],
-    found: Findings,
+    found: Collector,
 ) -> Plan | None:
     """Run the passes from reading to checking. Return the checked plan, or None for a library.
     Raises Stopped if a pass found errors."""

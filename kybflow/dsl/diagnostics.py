@@ -170,7 +170,7 @@ class Stopped(Exception):
     """Ends the compilation after a pass with errors."""
 
 
-class Findings:
+class Collector:
     """Collects the findings of a pass."""
 
     def __init__(self) -> None:

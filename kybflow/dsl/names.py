@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kybflow.core.params import Field, names_in
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics import Diagnostic, Findings, Span, Text
+from kybflow.dsl.diagnostics import Collector, Diagnostic, Span, Text
 from kybflow.dsl.expressions import Scope
 from kybflow.dsl.expressions.semantics import ObjectNames
 from kybflow.dsl.plan import PartPlan, Plan, VehiclePlan
@@ -95,11 +95,11 @@ def no_vehicles(code: str, use: PartPlan, plan: Plan) -> Iterator[Diagnostic]:
 
 
 def option_values(
-    name: Text, value: Node, plan: Plan, catalog: Catalog, found: Findings
+    name: Text, value: Node, plan: Plan, catalog: Catalog, found: Collector
 ) -> tuple[tuple[Option, Any], ...]:
     """Return the options that `{OPTION: VALUE}` sets, each with its value (SI); empty if there are
     errors, which are reported."""
-    own = Findings()
+    own = Collector()
     options = options_named(name, plan, catalog, own)
     values = [decode_value(value, option.field, own) for option in options]
     for option, decoded in zip(options, values, strict=True):
@@ -110,7 +110,7 @@ def option_values(
     return () if own.all else tuple(zip(options, values, strict=True))
 
 
-def options_named(name: Text, plan: Plan, catalog: Catalog, found: Findings) -> tuple[Option, ...]:
+def options_named(name: Text, plan: Plan, catalog: Catalog, found: Collector) -> tuple[Option, ...]:
     """Return the options that `name` stands for, of one vehicle or of each in a group; empty if
     there are errors, which are reported."""
     first, _, rest = name.text.partition(".")
@@ -122,7 +122,7 @@ def options_named(name: Text, plan: Plan, catalog: Catalog, found: Findings) -> 
 
 
 def _option(
-    name: Text, rest: str, vehicle: VehiclePlan, catalog: Catalog, found: Findings
+    name: Text, rest: str, vehicle: VehiclePlan, catalog: Catalog, found: Collector
 ) -> Option | None:
     parts = _parts(vehicle, catalog)
     label, _, word = rest.rpartition(".")

@@ -213,7 +213,7 @@ class Picture:
 
 
 @dataclass(frozen=True)
-class Run:
+class RecordedRun:
     """The content of a report.
 
     mission: the metadata of the recording. summary: empty for a run that was killed. end: the run's
@@ -240,7 +240,7 @@ class Run:
         return self.mission.get("simulated") is not False
 
 
-def read_run(folder: Path) -> Run:
+def read_run(folder: Path) -> RecordedRun:
     """Read the run in `folder`. Raises RunFolderError."""
     try:
         log = read_recording(folder / LOG)
@@ -257,7 +257,7 @@ def read_run(folder: Path) -> Run:
         for name, facts in log.mission["vehicles"].items()
     )
     estimators = tuple(e for name in log.mission["vehicles"] for e in read_estimators(log, name))
-    return Run(
+    return RecordedRun(
         log.mission, summary, provenance, events, tracks, end, world, estimators, pictures, inputs,
         read_moving(log), read_objects(log),
     )  # fmt: skip

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kybflow.core.units import DEG
-from kybflow.report.data import Picture, Run
+from kybflow.report.data import Picture, RecordedRun
 from kybflow.report.estimators import EstimatorTrack
 from kybflow.report.plot import Figure, bands, dashed, line, over_time
 
@@ -75,7 +75,7 @@ class EstimatorPage:
     pictures: tuple[Picture, ...]
 
 
-def estimator_pages(run: Run) -> list[EstimatorPage]:
+def estimator_pages(run: RecordedRun) -> list[EstimatorPage]:
     """Return a page for each recorded estimator."""
     pages: list[EstimatorPage] = []
     for track in (track for track in run.estimators if track.name):
@@ -87,7 +87,7 @@ def estimator_pages(run: Run) -> list[EstimatorPage]:
     return pages
 
 
-def statistics(run: Run) -> Iterator[tuple[EstimatorTrack, EstimatorStatistics]]:
+def statistics(run: RecordedRun) -> Iterator[tuple[EstimatorTrack, EstimatorStatistics]]:
     """Yield each estimator with its statistics. If a vehicle has several, first yield the estimates
     that it flew on, as an estimator without a name."""
     for vehicle in dict.fromkeys(track.vehicle for track in run.estimators):
@@ -96,7 +96,7 @@ def statistics(run: Run) -> Iterator[tuple[EstimatorTrack, EstimatorStatistics]]
             yield track, statistics_of(track, len(flown.time))
 
 
-def error_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
+def error_figure(run: RecordedRun, track: EstimatorTrack, name: str) -> Figure:
     """Draw the position error and its bound according to the estimator's spread."""
     kept = _kept(track)
     time, bound = track.time[kept], CHI_95 * track.spread[kept] * 100.0
@@ -123,7 +123,7 @@ def error_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
     return Figure(f"{name}_error", "Error and spread", note, traces, layout | _in_use(track))
 
 
-def attitude_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
+def attitude_figure(run: RecordedRun, track: EstimatorTrack, name: str) -> Figure:
     """Draw the errors of attitude and heading."""
     kept = _kept(track)
     time, attitude = track.time[kept], track.attitude_error[kept] / DEG
@@ -139,7 +139,7 @@ def attitude_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
     return Figure(f"{name}_attitude", "Attitude", note, traces, layout | _in_use(track))
 
 
-def age_figure(run: Run, track: EstimatorTrack, name: str) -> Figure:
+def age_figure(run: RecordedRun, track: EstimatorTrack, name: str) -> Figure:
     """Draw the age of the estimator's newest measurement."""
     kept = _kept(track)
     time, age = track.time[kept], track.age[kept] * 1000.0
@@ -154,7 +154,7 @@ def _kept(track: EstimatorTrack) -> slice:
     return slice(None, None, max(1, -(-len(track.time) // MOST_POINTS)))
 
 
-def _reference(run: Run) -> str:
+def _reference(run: RecordedRun) -> str:
     return "the truth" if run.simulated else "the estimate that the vehicle flew on"
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from kybflow.report.data import Run
+from kybflow.report.data import RecordedRun
 
 BARS = frozenset({"behavior_started", "behavior_ended", "phase_started", "phase_ended"})
 """Events that the timeline shows as bars."""
@@ -65,7 +65,7 @@ def _value(value: Any) -> str:
 _FINAL = {"ground": "on the ground", "air": "in the air", "unknown": "not heard at the end"}
 
 
-def ending(run: Run, name: str) -> str:
+def ending(run: RecordedRun, name: str) -> str:
     """Describe how a vehicle's run ended: in the air or on the ground, any fault, and what it
     hit."""
     vehicle = run.summary["vehicles"][name]
@@ -115,7 +115,7 @@ class Interval:
     end: float
 
 
-def faults_and_holds(run: Run) -> list[Interval]:
+def faults_and_holds(run: RecordedRun) -> list[Interval]:
     """Return the faults, holds and clamps of each vehicle. An interval without an end lasts until
     the run ends."""
     found: list[Interval] = []
@@ -126,7 +126,7 @@ def faults_and_holds(run: Run) -> list[Interval]:
     return found
 
 
-def estimators_in_use(run: Run) -> dict[str, list[Interval]]:
+def estimators_in_use(run: RecordedRun) -> dict[str, list[Interval]]:
     """Return the intervals in which each vehicle flew on each estimator, by vehicle. Their kind is
     FALLBACK for all estimators but the first, and BLIND while there was no estimate."""
     found: dict[str, list[Interval]] = {}
@@ -136,7 +136,7 @@ def estimators_in_use(run: Run) -> dict[str, list[Interval]]:
     return found
 
 
-def shaded(run: Run) -> list[Interval]:
+def shaded(run: RecordedRun) -> list[Interval]:
     """Return the intervals to shade behind curves: all except the use of the first estimator."""
     used = [interval for own in estimators_in_use(run).values() for interval in own]
     besides = [interval for interval in used if interval.kind in (BLIND, FALLBACK)]

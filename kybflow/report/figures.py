@@ -16,7 +16,7 @@ from kybflow.core.signals import NS
 from kybflow.core.units import LENGTH, parse_quantity
 from kybflow.inputs.rows import InputRow, InputRows
 from kybflow.report import plot
-from kybflow.report.data import Run, Track
+from kybflow.report.data import RecordedRun, Track
 from kybflow.report.estimators import Array, norm
 from kybflow.report.events import FAULT, TINTS, shaded
 from kybflow.report.map import moving_ball, path_map, room, seen_from_above, shown
@@ -35,7 +35,7 @@ _MOVED = 0.05
 _BOUND = re.compile(r"\bseparation\([^)]*\)\s*>=?\s*([^()]+?)(?: and | or | for |$)")
 
 
-def swarm_figures(run: Run) -> list[plot.Figure]:
+def swarm_figures(run: RecordedRun) -> list[plot.Figure]:
     """Return the figures of several vehicles, or of one vehicle and moving obstacles."""
     if run.objects.tracks:  # a vehicle that pushes flies without a setpoint of position
         errors = [np.fmin(track.position_error, track.velocity_error) for track in run.tracks]
@@ -47,7 +47,7 @@ def swarm_figures(run: Run) -> list[plot.Figure]:
     return [*above, _distances(run, flown)] if len(flown) > 1 else above
 
 
-def _distances(run: Run, tracks: list[Track]) -> plot.Figure:
+def _distances(run: RecordedRun, tracks: list[Track]) -> plot.Figure:
     """Draw the distance of each pair while both fly, with the bounds of supervisors and
     expectations."""
     pairs = list(combinations(tracks, 2))
@@ -76,7 +76,7 @@ def _distances(run: Run, tracks: list[Track]) -> plot.Figure:
     )
 
 
-def alarm_distances(run: Run) -> list[float]:
+def alarm_distances(run: RecordedRun) -> list[float]:
     """Return the distances below which supervisors alarm, as at the start of the run; metres,
     without duplicates and zeros."""
     vehicles = run.mission.get("vehicles", {}).values()
@@ -84,7 +84,7 @@ def alarm_distances(run: Run) -> list[float]:
     return sorted({round(bound, 3) for bound in kept if bound > 0.0})
 
 
-def least_separation(run: Run) -> float | None:
+def least_separation(run: RecordedRun) -> float | None:
     """Return the largest separation that an expectation requires, metres; None if none does."""
     found = []
     for expectation in run.summary.get("expectations", ()):
@@ -121,7 +121,7 @@ def _at(track: Track, times: Array) -> Array:
     return places[index]
 
 
-def _from_above(run: Run) -> plot.Figure:
+def _from_above(run: RecordedRun) -> plot.Figure:
     """Draw the paths from above, with the moving obstacles and flying vehicles at several
     moments."""
     window, objects = shown(run)[0], run.objects.tracks.values()
@@ -157,7 +157,7 @@ def _from_above(run: Run) -> plot.Figure:
     return plot.Figure("from_above", "From above over time", note, traces, layout, over_time=False)
 
 
-def _moment(run: Run, moment: float) -> list[dict[str, Any]]:
+def _moment(run: RecordedRun, moment: float) -> list[dict[str, Any]]:
     """Draw a dot for each vehicle that flies at `moment` (s), and lines between vehicles in the
     same state if its behavior uses the others' published data."""
     places = {}
@@ -195,7 +195,7 @@ def _moment(run: Run, moment: float) -> list[dict[str, Any]]:
 _BELOW = "The setpoint of a landing goes below the ground; the vehicle stops at touchdown."
 
 
-def figures(run: Run) -> list[plot.Figure]:
+def figures(run: RecordedRun) -> list[plot.Figure]:
     """Return the figures in the order of the page; none if no tick was recorded."""
     if not any(len(track.time) for track in run.tracks):
         return []
@@ -214,7 +214,7 @@ def figures(run: Run) -> list[plot.Figure]:
     ]
 
 
-def _input(name: str, recorded: InputRows, run: Run) -> plot.Figure:
+def _input(name: str, recorded: InputRows, run: RecordedRun) -> plot.Figure:
     """Draw the axes of an input, with bands while it was lost."""
     times = [*(row.time / NS for row in recorded.rows), run.end]
     time = np.repeat(times, 2)[1:-1]  # each row is valid until the time of the next
@@ -241,7 +241,7 @@ def _input(name: str, recorded: InputRows, run: Run) -> plot.Figure:
     return plot.Figure(f"input_{name}", f"Input {name}", note, traces, layout)
 
 
-def _errors(run: Run, what: str, unit: str) -> plot.Figure:
+def _errors(run: RecordedRun, what: str, unit: str) -> plot.Figure:
     traces = []
     for track, colour in plot.coloured(run):
         values = (track.position_error if what == "position" else track.velocity_error) * 100.0
@@ -270,7 +270,7 @@ def _highest_aloft(track: Track, what: str) -> float:
     return float(found.max()) if len(found) else 0.0
 
 
-def _to_target(run: Run) -> plot.Figure:
+def _to_target(run: RecordedRun) -> plot.Figure:
     traces = [
         plot.line(track.name, track.time, track.to_target, colour, 1.6, hover="%{y:.3f} m")
         for track, colour in plot.coloured(run)
@@ -280,7 +280,7 @@ def _to_target(run: Run) -> plot.Figure:
     return plot.Figure("to_target", "Distance to target", note, traces, layout)
 
 
-def _height(run: Run) -> plot.Figure:
+def _height(run: RecordedRun) -> plot.Figure:
     traces = [
         plot.line(track.name, track.time, track.position[:, 2], colour, 2.2, hover="%{y:.3f} m")
         for track, colour in plot.coloured(run)
@@ -294,7 +294,7 @@ def _height(run: Run) -> plot.Figure:
     return plot.Figure("height", "Height", note, traces, plot.over_time(run, "z, up (m)", "tozero"))
 
 
-def _battery(run: Run) -> plot.Figure:
+def _battery(run: RecordedRun) -> plot.Figure:
     traces = [
         plot.line(
             track.name, track.battery_time, track.battery * 100.0, colour, 1.8, hover="%{y:.1f} %"

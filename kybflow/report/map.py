@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kybflow.report.data import Run
+from kybflow.report.data import RecordedRun
 from kybflow.report.events import IMPACTS, impact_text
 from kybflow.report.object_figures import objects_from_above
 from kybflow.report.plot import Extent, Figure, around, coloured, dashed, line, markers
@@ -21,7 +21,7 @@ _CORNERS = 48
 _GREY = "#7d8894"
 
 
-def path_map(run: Run) -> Figure:
+def path_map(run: RecordedRun) -> Figure:
     """Draw the paths over the fence, the obstacles and the named points."""
     window, outside = shown(run)
     x, y = [track.start[0] for track in run.tracks], [track.start[1] for track in run.tracks]
@@ -41,7 +41,7 @@ def path_map(run: Run) -> Figure:
     return Figure("path", "Path from above", note, traces, layout, over_time=False)
 
 
-def seen_from_above(run: Run, window: Extent) -> dict[str, Any]:
+def seen_from_above(run: RecordedRun, window: Extent) -> dict[str, Any]:
     """Return the layout of a figure from above, with the fence as a dotted rectangle."""
     width, height = window.x1 - window.x0, window.y1 - window.y0
     fence = []
@@ -68,7 +68,7 @@ def seen_from_above(run: Run, window: Extent) -> dict[str, Any]:
     }
 
 
-def shown(run: Run) -> tuple[Extent, list[str]]:
+def shown(run: RecordedRun) -> tuple[Extent, list[str]]:
     """Return the extent of the figures from above, and the labels of the objects outside it."""
     standing = _extents(run)
     path = around(
@@ -82,7 +82,7 @@ def shown(run: Run) -> tuple[Extent, list[str]]:
     return window, [name for name in standing if name not in within]
 
 
-def _paths(run: Run) -> list[dict[str, Any]]:
+def _paths(run: RecordedRun) -> list[dict[str, Any]]:
     traces = []
     for track, colour in coloured(run):
         x, y = track.position[:, 0], track.position[:, 1]
@@ -93,7 +93,7 @@ def _paths(run: Run) -> list[dict[str, Any]]:
     return traces
 
 
-def _parcels(run: Run) -> list[dict[str, Any]]:
+def _parcels(run: RecordedRun) -> list[dict[str, Any]]:
     """Draw a square where each payload came to rest, by the simulator's truth."""
     drops = [e for e in run.events if e["event"] == "payload_rested"]
     if not drops:
@@ -104,7 +104,7 @@ def _parcels(run: Run) -> list[dict[str, Any]]:
     return [markers("payload", x, y, square, "%{text} at %{x:.3f}, %{y:.3f} m", text=texts)]
 
 
-def _collisions(run: Run) -> list[dict[str, Any]]:
+def _collisions(run: RecordedRun) -> list[dict[str, Any]]:
     """Draw a cross where a vehicle ran into something or landed hard."""
     tracks = {track.name: track for track in run.tracks if len(track.time)}
     hits = [e for e in run.events if e["event"] in IMPACTS and e["vehicle"] in tracks]
@@ -170,7 +170,7 @@ def _rows(cloud: Scanned) -> tuple[Coordinates, Coordinates]:
     return xs, ys
 
 
-def _extents(run: Run) -> dict[str, Extent]:
+def _extents(run: RecordedRun) -> dict[str, Extent]:
     """Return the extents of the fence, the points and the bounded obstacles, by label."""
     found: dict[str, Extent] = {}
     if run.mission.get("fence"):
@@ -198,7 +198,7 @@ def _known(coordinates: Coordinates) -> list[float]:
     return [x for x in coordinates if x is not None]
 
 
-def moving_paths(run: Run) -> Iterator[dict[str, Any]]:
+def moving_paths(run: RecordedRun) -> Iterator[dict[str, Any]]:
     """Yield the paths of the moving obstacles, each with the ball at its first position."""
     for number, (name, ball) in enumerate(run.moving.items()):
         x, y = ball.position[:, 0], ball.position[:, 1]
@@ -209,7 +209,7 @@ def moving_paths(run: Run) -> Iterator[dict[str, Any]]:
         yield from moving_ball(run, name, 0.0, name)
 
 
-def moving_ball(run: Run, name: str, moment: float, text: str) -> list[dict[str, Any]]:
+def moving_ball(run: RecordedRun, name: str, moment: float, text: str) -> list[dict[str, Any]]:
     """Return the traces of a moving obstacle at its last known position before `moment` (s), with a
     text inside."""
     ball = run.moving[name]
@@ -221,7 +221,7 @@ def moving_ball(run: Run, name: str, moment: float, text: str) -> list[dict[str,
     return [_obstacle(name, xs, ys, first=False), {**inside, **style, "name": name}]
 
 
-def room(run: Run, window: Extent) -> list[dict[str, Any]]:
+def room(run: RecordedRun, window: Extent) -> list[dict[str, Any]]:
     """Return the traces of obstacles and points. Points at the same position share a label; a point
     with the name of an obstacle has none."""
     traces = []

@@ -11,7 +11,7 @@ import numpy as np
 
 from kybflow.core.units import DEG
 from kybflow.report import plot
-from kybflow.report.data import Run
+from kybflow.report.data import RecordedRun
 from kybflow.report.estimators import Array
 from kybflow.report.events import BLIND, TINTS, fields_text
 from kybflow.report.objects import ObjectTrack
@@ -24,7 +24,7 @@ _LEAST = {"m": 0.05, "deg": 3.0}
 _AXES = {"x": "x, east", "y": "y, north", "z": "z, up"}
 
 
-def objects_from_above(run: Run) -> Iterator[dict[str, Any]]:
+def objects_from_above(run: RecordedRun) -> Iterator[dict[str, Any]]:
     """Yield the objects at the start and at the end, and dashed at the stops of their joints."""
     first = next((name for name, track in run.objects.tracks.items() if track.stops), None)
     for number, (name, track) in enumerate(run.objects.tracks.items()):
@@ -37,7 +37,9 @@ def objects_from_above(run: Run) -> Iterator[dict[str, Any]]:
         yield from _drawn(name, track.outlines(run.end), name, 1.0)
 
 
-def objects_over_time(run: Run, moments: Sequence[float], moved: float) -> Iterator[dict[str, Any]]:
+def objects_over_time(
+    run: RecordedRun, moments: Sequence[float], moved: float
+) -> Iterator[dict[str, Any]]:
     """Yield the objects at the start and, later ones darker, at those of these moments (s) at which
     their extent has changed by `moved` metres."""
     for number, (name, track) in enumerate(run.objects.tracks.items()):
@@ -74,13 +76,13 @@ def _drawn(
         }  # fmt: skip
 
 
-def coordinate_figures(run: Run) -> Iterator[plot.Figure]:
+def coordinate_figures(run: RecordedRun) -> Iterator[plot.Figure]:
     """Yield a figure of each coordinate of each object, with its goals."""
     for name, track in run.objects.tracks.items():
         yield from (_coordinate(run, name, track, one) for one in track.coordinates)
 
 
-def _coordinate(run: Run, name: str, track: ObjectTrack, coordinate: str) -> plot.Figure:
+def _coordinate(run: RecordedRun, name: str, track: ObjectTrack, coordinate: str) -> plot.Figure:
     factor, unit = (1.0 / DEG, "deg") if coordinate in ("angle", "yaw") else (1.0, "m")
     told = [event for event in run.events if event["fields"].get("object") == name]
     begins = [event["t_s"] for event in told if event["event"] == "object_lost"]
@@ -107,7 +109,7 @@ def _coordinate(run: Run, name: str, track: ObjectTrack, coordinate: str) -> plo
     return plot.Figure(f"object_{name}_{coordinate}", f"{name}: {coordinate}", "", traces, layout)
 
 
-def contact_figures(run: Run) -> Iterator[plot.Figure]:
+def contact_figures(run: RecordedRun) -> Iterator[plot.Figure]:
     """Yield the figure of who touches which object when, and how hard, if any was touched."""
     known, colours = run.objects, {track.name: colour for track, colour in plot.coloured(run)}
     traces: list[dict[str, Any]] = []

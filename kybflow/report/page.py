@@ -14,7 +14,7 @@ from plotly.offline import get_plotlyjs
 
 from kybflow.core.units import DEG, format_measured
 from kybflow.recording.run_folder import REPORT, write_file
-from kybflow.report.data import Picture, Run, read_run
+from kybflow.report.data import Picture, RecordedRun, read_run
 from kybflow.report.estimator_pages import CHI_95, estimator_pages, statistics
 from kybflow.report.events import COLLISION, EVENT, ending, fields_text, is_notable, kind_of
 from kybflow.report.figures import figures
@@ -30,7 +30,7 @@ def write_report(folder: Path) -> Path:
     return path
 
 
-def render(run: Run) -> str:
+def render(run: RecordedRun) -> str:
     drawn, pages = figures(run), estimator_pages(run)
     every = [*drawn, *(figure for page in pages for figure in page.figures)]
     notable = sorted(filter(is_notable, run.events), key=lambda e: kind_of(e) != COLLISION)

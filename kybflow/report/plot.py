@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kybflow.report.data import Run, Track
+from kybflow.report.data import RecordedRun, Track
 from kybflow.report.estimators import Array
 from kybflow.report.events import BLIND, CLAMP, FALLBACK, FAULT, HOLD, TINTS, Interval
 
@@ -102,7 +102,7 @@ def markers(
     return {**trace, "hovertemplate": f"{hover}<extra></extra>", **more}
 
 
-def level(run: Run, name: str, at: float, dash: str) -> dict[str, Any]:
+def level(run: RecordedRun, name: str, at: float, dash: str) -> dict[str, Any]:
     """Return a horizontal line over the whole run."""
     limit = line(name, np.array([0.0, run.end]), np.full(2, at), "alarm", 1.4)
     limit["line"]["dash"] = dash
@@ -115,12 +115,12 @@ def _packed(values: Array) -> dict[str, str]:
     return {"dtype": "f4", "bdata": base64.b64encode(data).decode()}
 
 
-def time_axis(run: Run) -> dict[str, Any]:
+def time_axis(run: RecordedRun) -> dict[str, Any]:
     end = max(run.end, 0.1)
     return {"title": {"text": "time (s)"}, "range": [-0.01 * end, 1.01 * end]}
 
 
-def over_time(run: Run, axis: str, mode: str) -> dict[str, Any]:
+def over_time(run: RecordedRun, axis: str, mode: str) -> dict[str, Any]:
     """Return the layout of a figure over time. mode: the range mode of the y axis."""
     return {
         "xaxis": time_axis(run),
@@ -168,6 +168,6 @@ def bands(found: Iterable[tuple[str, float, float, str, dict[str, Any]]]) -> dic
     return {"shapes": shapes, "showlegend": True} if shapes else {}
 
 
-def coloured(run: Run) -> list[tuple[Track, str]]:
+def coloured(run: RecordedRun) -> list[tuple[Track, str]]:
     """Return each track with its vehicle's colour, which is the same in all figures."""
     return [(track, VEHICLES[n % len(VEHICLES)]) for n, track in enumerate(run.tracks)]

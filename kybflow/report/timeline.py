@@ -8,7 +8,7 @@ from html import escape
 from typing import Any
 
 from kybflow.report import events
-from kybflow.report.data import Run, StateVisit
+from kybflow.report.data import RecordedRun, StateVisit
 from kybflow.report.plot import Figure, markers, time_axis
 
 _MARKERS = {
@@ -31,7 +31,7 @@ _NOTE = (
 )
 
 
-def timeline(run: Run) -> Figure:
+def timeline(run: RecordedRun) -> Figure:
     """Draw a row for each vehicle and flow: its behaviors or phases as bars, and events as marks
     below. Under a vehicle's row, its faults, holds, clamps and estimators have a lane each, if
     there are any. The y axis counts pixels from the top."""
@@ -81,7 +81,7 @@ def timeline(run: Run) -> Figure:
     return Figure("timeline", "Behaviors and events", _NOTE, traces, layout)
 
 
-def marks(run: Run, rows: Mapping[str, float]) -> list[dict[str, Any]]:
+def marks(run: RecordedRun, rows: Mapping[str, float]) -> list[dict[str, Any]]:
     """Return a trace for each kind of mark. Events of one vehicle at the same time share a mark.
     rows: the y coordinates of the marks, by vehicle and for the `run`."""
     found: dict[str, dict[tuple[float, float], list[str]]] = {kind: {} for kind in _MARKERS}
@@ -122,7 +122,7 @@ def narrow_labels(visits: Sequence[StateVisit], end: float) -> tuple[dict[StateV
     return levels, _LEVEL * (max(levels.values(), default=-1) + 1) + 4.0
 
 
-def _lanes(run: Run) -> dict[str, dict[str, list[events.Interval]]]:
+def _lanes(run: RecordedRun) -> dict[str, dict[str, list[events.Interval]]]:
     """Return the lanes of each vehicle. There is no lane for a single estimator."""
     found: dict[str, dict[str, list[events.Interval]]] = {}
     lasting = events.faults_and_holds(run)
@@ -201,7 +201,7 @@ def _visit(visit: StateVisit, middle: float, colour: str, named: bool) -> dict[s
     }
 
 
-def _phases(run: Run) -> dict[str, list[StateVisit]]:
+def _phases(run: RecordedRun) -> dict[str, list[StateVisit]]:
     """Return the phases of each flow, by row name."""
     found: dict[str, list[StateVisit]] = {}
     for event in run.events:

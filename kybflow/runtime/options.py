@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Protocol
 from kybflow.core.errors import OptionRefused
 from kybflow.core.params import Field, fields_of, type_of
 from kybflow.core.text import nearest
-from kybflow.dsl.diagnostics import Findings
+from kybflow.dsl.diagnostics import Collector
 from kybflow.dsl.language.records import NO_PLACE
 from kybflow.dsl.plan import Plan, VehiclePlan
 from kybflow.dsl.reading.nodes import Node, Scalar, Sequence
@@ -193,7 +193,7 @@ def _decoded(name: str, value: Any, field: Field) -> Any:
     OptionRefused."""
     if field.type.fixed:
         raise OptionRefused(f"`{name}` is a {type_of(field)} and can't be changed in flight")
-    found = Findings()
+    found = Collector()
     node = _node(value, field, found)
     decoded = None if node is None else decode_value(node, replace(field, key=name), found)
     for finding in found.all:
@@ -203,7 +203,7 @@ def _decoded(name: str, value: Any, field: Field) -> Any:
     return decoded
 
 
-def _node(value: Any, field: Field, found: Findings) -> Node | None:
+def _node(value: Any, field: Field, found: Collector) -> Node | None:
     """Return the YAML node with which a mission would give this value (SI, or text). The text of a
     list may lack its brackets."""
     if isinstance(value, str):

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from toolchain import ROOT
 
-from kybflow.dsl.diagnostics import Findings
+from kybflow.dsl.diagnostics import Collector
 from kybflow.dsl.reading.reader import compose
 from kybflow.dsl.reading.values import decode_value
 from kybflow.parts.catalog import load_catalog
@@ -177,7 +177,7 @@ def test_completing_a_parameter_inserts_a_right_value_with_its_unit(
         if field.dimension is not None and field.dimension.units:
             assert any(unit in value for unit in field.dimension.units), field.name
         if field.dimension is not None or value:
-            found = Findings()
+            found = Collector()
             node = compose(value, "editor", found)
             assert node is not None
             decode_value(node, field, found)

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from kybflow.cli.output import coloured
-from kybflow.dsl.diagnostics import Diagnostic, Findings, Severity, Span, Stopped, render, to_json
+from kybflow.dsl.diagnostics import Collector, Diagnostic, Severity, Span, Stopped, render, to_json
 
 
 def finding(line: int, start: int, end: int, message: str = "wrong") -> Diagnostic:
@@ -61,7 +61,7 @@ WARNING = Diagnostic("KYB112", "a warning", HERE, severity=Severity.WARNING)
 
 
 def test_what_is_reported_is_kept_in_order() -> None:
-    found = Findings()
+    found = Collector()
     found.warn("KYB112", "a warning", HERE)
     found.report("KYB101", "an error", HERE, help="mend it")
     found.add(WARNING)
@@ -70,7 +70,7 @@ def test_what_is_reported_is_kept_in_order() -> None:
 
 
 def test_errors_stop_a_compilation_and_warnings_do_not() -> None:
-    found = Findings()
+    found = Collector()
     found.add(WARNING)
     found.stop_if_errors()
     found.add(ERROR)

@@ -1,4 +1,4 @@
-"""Findings for code scanning (SARIF) and for GitHub Actions."""
+"""Collector for code scanning (SARIF) and for GitHub Actions."""
 
 from __future__ import annotations
 

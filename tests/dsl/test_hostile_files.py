@@ -17,7 +17,7 @@ import pytest
 from toolchain import MISSIONS
 
 from kybflow.dsl.compiler import Result, compile_mission
-from kybflow.dsl.diagnostics import Findings
+from kybflow.dsl.diagnostics import Collector
 from kybflow.dsl.reading.reader import compose
 from kybflow.parts.catalog import load_catalog
 
@@ -215,7 +215,7 @@ def test_a_file_outside_reached_by_a_link_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_tab_that_indents_nothing_is_not_blamed() -> None:
-    found = Findings()
+    found = Collector()
     compose("a:\t{b: [1, 2}\n", "m.yaml", found)
     assert [d.message for d in found.all] == [
         "the `[` is still open: a `,` or `]` is missing before this"

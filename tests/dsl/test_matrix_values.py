@@ -15,7 +15,7 @@ from kybflow.cli.printing.mission import show_mission
 from kybflow.cli.printing.reference import show_part
 from kybflow.core.params import Field, Numbers
 from kybflow.core.units import ANGLE
-from kybflow.dsl.diagnostics import Findings
+from kybflow.dsl.diagnostics import Collector
 from kybflow.dsl.language.published import Editor
 from kybflow.dsl.language.schema import Schemas
 from kybflow.dsl.plan import Plan
@@ -115,7 +115,7 @@ def test_the_schema_judges_size_and_numbers(value: object, count: int) -> None:
 def test_an_editor_inserts_a_right_one(field: Field, inserted: str) -> None:
     schema = Schemas().value(field)
     assert schema["defaultSnippets"] == [{"label": inserted, "body": inserted}]
-    found = Findings()
+    found = Collector()
     node = compose(inserted, "editor", found)
     assert node is not None
     assert decode_value(node, field, found) is not None

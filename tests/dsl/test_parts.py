@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from kybflow.dsl.diagnostics import Findings, Span
+from kybflow.dsl.diagnostics import Collector, Span
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.reading.nodes import Scalar
 from kybflow.parts.catalog import Catalog
@@ -30,7 +30,7 @@ def test_a_broken_part_is_kyb141(
     monkeypatch.syspath_prepend(tmp_path)
     catalog = Catalog({"behaviors": {"spiral": module}})
     place = Span("m.yaml", 1, 1, 1, 7)
-    found = Findings()
+    found = Collector()
     part = Decoder(catalog, found).part("behaviors", Scalar("spiral", place))
     assert part is None
     assert [(d.code, d.span) for d in found.all] == [("KYB141", place)]

@@ -11,7 +11,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from kybflow.core.units import DIMENSIONS
-from kybflow.dsl.diagnostics import Findings
+from kybflow.dsl.diagnostics import Collector
 from kybflow.dsl.language.published import schema_text
 from kybflow.dsl.language.schema import Schemas
 from kybflow.dsl.reading.nodes import to_json
@@ -133,7 +133,7 @@ def test_what_an_editor_inserts_is_right() -> None:
         for snippet in schema.get("defaultSnippets", ()) if isinstance(judged, dict) else ():
             if snippet["label"] == "NAME":
                 continue  # its value is the author's
-            found = Findings()
+            found = Collector()
             node = compose(snippet["body"], "editor", found)
             assert node is not None
             assert not found.all

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from kybflow.dsl.diagnostics import Diagnostic, Findings
+from kybflow.dsl.diagnostics import Collector, Diagnostic
 from kybflow.dsl.reading.nodes import to_json
 from kybflow.dsl.reading.reader import compose
 
@@ -35,7 +35,7 @@ SLIPS = {
 
 
 def findings_of(text: str) -> list[Diagnostic]:
-    found = Findings()
+    found = Collector()
     compose(text, "m.yaml", found)
     return found.all
 
@@ -51,7 +51,7 @@ def test_a_slip_is_told_in_words(slip: str) -> None:
 
 
 def test_tabs_before_a_comment_are_yaml() -> None:
-    found = Findings()
+    found = Collector()
     root = compose("a:\n\t# one\n  b: 1\n \t \n\t\t# two\n  c: 2 \t# three\n\t#\n", "m.yaml", found)
     assert found.all == []
     assert to_json(root) == {"a": {"b": 1, "c": 2}}

@@ -23,7 +23,7 @@ from kybflow.core.signals import SeenObject
 from kybflow.dsl.plan import Plan
 from kybflow.parts.link import Contact
 from kybflow.recording.layout import head, objects_record
-from kybflow.report.data import Run, read_run
+from kybflow.report.data import RecordedRun, read_run
 from kybflow.report.figures import figures
 from kybflow.report.objects import ObjectMotion, ObjectTrack, RecordedObjects
 from kybflow.report.plot import Figure
@@ -59,14 +59,14 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> Plan:
 
 
 @pytest.fixture(scope="module")
-def run(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Run:
+def run(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> RecordedRun:
     folder = tmp_path_factory.mktemp("flown")
     flown = fly(plan, RunRequest(seed=1, out=folder / "run"), observers=(looks,))
     assert flown.summary["outcome"] == "succeeded", flown.summary["reason"]
     return read_run(Path(flown.folder))
 
 
-def drawn(run: Run) -> dict[str, Figure]:
+def drawn(run: RecordedRun) -> dict[str, Figure]:
     return {figure.name: figure for figure in figures(run)}
 
 
@@ -74,7 +74,7 @@ def names(figure: Figure) -> list[str]:
     return [trace["name"] for trace in figure.traces]
 
 
-def on_hardware(run: Run) -> Run:
+def on_hardware(run: RecordedRun) -> RecordedRun:
     """What a recording holds where nobody knows the truth: the bar was lost for a second."""
     tracks = {
         name: replace(track, motions={"seen": track.motions["seen"]})
@@ -115,7 +115,9 @@ def test_what_is_not_known_is_not_recorded() -> None:
     assert pressed["car"]["force_n"] == {"v.back": 0.3}
 
 
-def test_the_objects_are_where_they_were_at_the_start_and_turned_at_the_end(run: Run) -> None:
+def test_the_objects_are_where_they_were_at_the_start_and_turned_at_the_end(
+    run: RecordedRun,
+) -> None:
     bar, car = run.objects.tracks["bar"], run.objects.tracks["car"]
     true, seen = bar.motions["true"], bar.motions["seen"]
     assert true.position[0] == pytest.approx((0.5, 0.0, 1.0))
@@ -139,7 +141,7 @@ def test_an_outline_is_that_of_a_tilted_box() -> None:
     assert len(outline) == 4
 
 
-def test_the_map_has_the_objects_at_the_start_the_end_and_the_stops(run: Run) -> None:
+def test_the_map_has_the_objects_at_the_start_the_end_and_the_stops(run: RecordedRun) -> None:
     path = drawn(run)["path"]
     assert names(path).count("object") == 6
     stops = [trace for trace in path.traces if trace["name"] == "at a stop"]
@@ -150,7 +152,7 @@ def test_the_map_has_the_objects_at_the_start_the_end_and_the_stops(run: Run) ->
     assert labels == ["car", "bar", "box"]
 
 
-def test_what_has_not_moved_is_drawn_once_from_above(run: Run) -> None:
+def test_what_has_not_moved_is_drawn_once_from_above(run: RecordedRun) -> None:
     above = drawn(run)["from_above"]
     hovers = [trace["hovertemplate"] for trace in above.traces if trace["name"] == "object"]
     assert sum("object box" in hover for hover in hovers) == 1
@@ -159,7 +161,7 @@ def test_what_has_not_moved_is_drawn_once_from_above(run: Run) -> None:
     assert high - low < 3.5
 
 
-def test_each_coordinate_has_a_figure_with_its_goals(run: Run) -> None:
+def test_each_coordinate_has_a_figure_with_its_goals(run: RecordedRun) -> None:
     own = {name: figure for name, figure in drawn(run).items() if name.startswith("object_")}
     assert [*own] == [
         "object_car_position", "object_bar_yaw", "object_box_x", "object_box_y", "object_box_yaw",
@@ -174,7 +176,7 @@ def test_each_coordinate_has_a_figure_with_its_goals(run: Run) -> None:
     assert (low, high) == pytest.approx((1.95, 2.05), abs=0.002)
 
 
-def test_a_contact_is_an_event_and_a_curve(run: Run) -> None:
+def test_a_contact_is_an_event_and_a_curve(run: RecordedRun) -> None:
     force = run.objects.forces["v", "bar.left"]
     assert 0.05 < np.nanmax(force) < 2.0
     assert np.isnan(force[0])
@@ -189,7 +191,7 @@ def test_a_contact_is_an_event_and_a_curve(run: Run) -> None:
     assert ended["text"][0].startswith("v, object: bar, surface: left, lasted: ")
 
 
-def test_without_the_truth_there_is_what_was_tracked_and_inferred(run: Run) -> None:
+def test_without_the_truth_there_is_what_was_tracked_and_inferred(run: RecordedRun) -> None:
     figures = drawn(on_hardware(run))
     bar, contacts = figures["object_bar_yaw"], figures["contacts"]
     assert names(bar)[0] == "tracked"
@@ -201,7 +203,7 @@ def test_without_the_truth_there_is_what_was_tracked_and_inferred(run: Run) -> N
     assert names(figures["path"]).count("object") == 6
 
 
-def test_the_live_table_has_the_objects_and_who_touches_them(run: Run) -> None:
+def test_the_live_table_has_the_objects_and_who_touches_them(run: RecordedRun) -> None:
     flying = [table.partition("objects    ")[2].splitlines() for table in SHOWN[2:]]
     assert [car for car, *_ in flying] == ["car 0.00 m"] * len(flying)
     assert flying[10][2] == "           box not seen"

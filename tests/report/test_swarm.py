@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_page import unpacked
 
-from kybflow.report.data import MovingTrack, RecordedWorld, Run, StateVisit, Track
+from kybflow.report.data import MovingTrack, RecordedRun, RecordedWorld, StateVisit, Track
 from kybflow.report.figures import alarm_distances, least_separation, swarm_figures
 
 TIME = np.linspace(0.0, 10.0, 101)
@@ -23,9 +23,9 @@ def track(name: str, x: float, flies_until: float = 10.0) -> Track:
 
 def recording_of(
     *tracks: Track, expect: str = "always separation(a and b) > 60 cm", **more: Any
-) -> Run:
+) -> RecordedRun:
     summary = {"expectations": [{"text": expect}]}
-    return Run({}, summary, {}, [], tracks, 10.0, RecordedWorld(), **more)
+    return RecordedRun({}, summary, {}, [], tracks, 10.0, RecordedWorld(), **more)
 
 
 def facts(**kept: float) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from kybflow.dsl.checks.actions import sets_of
 from kybflow.dsl.checks.case import Case
-from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
+from kybflow.dsl.diagnostics import Collector, Diagnostic, Span
 from kybflow.dsl.expanding.flows import entered_states, valued_requests, with_options
 from kybflow.dsl.names import option_values
 from kybflow.dsl.plan import Plan
@@ -93,7 +93,7 @@ def _found_at_sets(case: Case) -> Iterator[Diagnostic]:
     mission is checked as if the value were written where the part is declared; what is then found
     elsewhere than at this value is left out, because the option doesn't have it from the start."""
     for name, node in sets_of(case):
-        values = option_values(name, node, case.plan, case.catalog, Findings())
+        values = option_values(name, node, case.plan, case.catalog, Collector())
         options = ((*option.place, option.field, value) for option, value in values)
         changed = with_options(case.plan, options, node)
         if changed is not None:

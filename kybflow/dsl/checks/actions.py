@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.case import Case, wrong_goal
-from kybflow.dsl.diagnostics import Diagnostic, Findings, Text
+from kybflow.dsl.diagnostics import Collector, Diagnostic, Text
 from kybflow.dsl.names import option_values, unknown_vehicle
 from kybflow.dsl.plan import ActionKeys
 from kybflow.dsl.reading.nodes import Node
@@ -42,7 +42,7 @@ def options(case: Case) -> Iterator[Diagnostic]:
     value must have the parameter's type and unit and lie within its bounds.
     """
     for name, value in sets_of(case):
-        found = Findings()
+        found = Collector()
         values = option_values(name, value, case.plan, case.catalog, found)
         yield from found.all
         fixed = next((o for o, _ in values if o.field.read_only or o.field.shape == "path"), None)
@@ -62,7 +62,7 @@ def loosened(case: Case) -> Iterator[Diagnostic]:
     In flight a safety parameter can only be tightened, so the change would always be refused.
     """
     for name, node in sets_of(case):
-        for option, value in option_values(name, node, case.plan, case.catalog, Findings()):
+        for option, value in option_values(name, node, case.plan, case.catalog, Collector()):
             if option.field.loosens(option.declared, value):
                 declared = shown_value(option.declared, option.field)
                 yield Diagnostic(

@@ -15,7 +15,7 @@ from kybflow.core.text import did_you_mean
 from kybflow.dsl.checks.actions import actions_of
 from kybflow.dsl.checks.case import Case
 from kybflow.dsl.checks.events import OPERATOR, KnownEvents, emitted_by_transitions, known_events
-from kybflow.dsl.diagnostics import Diagnostic, Findings, Span, Text
+from kybflow.dsl.diagnostics import Collector, Diagnostic, Span, Text
 from kybflow.dsl.names import BUILT_IN, options_named
 from kybflow.dsl.plan import ActionKeys, CallbackPlan, Plan, VehiclePlan
 from kybflow.dsl.reading.nodes import entries_of, items_of
@@ -287,7 +287,7 @@ def _said(case: Case, action: ActionKeys) -> Iterator[_Said]:
         yield _Said("", "logged", {})
     elif name == "set" and target is not None:
         asked = action.target_text
-        for option in options_named(asked, case.plan, case.catalog, Findings()):
+        for option in options_named(asked, case.plan, case.catalog, Collector()):
             vehicle = option.name.partition(".")[0]
             yield _Said(vehicle, "option_changed", {"option": option.name, "by": "callback"})
     elif name == "switch" and target is not None:

@@ -12,7 +12,7 @@ from kybflow.dsl.checks.obstacles import flies_into, kept_from_goals
 from kybflow.dsl.checks.space import held_back, leaves_the_fence, refuses
 from kybflow.dsl.checks.together import at_odds
 from kybflow.dsl.checks.watching import crossed_at_once
-from kybflow.dsl.diagnostics import Diagnostic, Findings
+from kybflow.dsl.diagnostics import Collector, Diagnostic
 from kybflow.dsl.expanding.flows import entry_values, valued_requests
 from kybflow.dsl.names import BUILT_IN
 
@@ -47,7 +47,7 @@ def values(case: Case) -> Iterator[Diagnostic]:
             vehicle = case.plan.fleet[name]
             state = vehicle.states.get(vehicle.goal(request.state))
             if state is not None:
-                found = Findings()
+                found = Collector()
                 entry_values(request.source, state.behavior, found)
                 yield from found.all
             elif request.state in BUILT_IN:

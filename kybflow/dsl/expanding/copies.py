@@ -10,7 +10,7 @@ from collections.abc import Mapping as MappingOf
 from math import cos, pi, sin
 
 from kybflow.core.geometry import Vec3, add, scale, sub
-from kybflow.dsl.diagnostics import Findings
+from kybflow.dsl.diagnostics import Collector
 from kybflow.dsl.expanding.world import only_kind
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.records import layout_of
@@ -130,7 +130,7 @@ def _own(body: Mapping, key: str) -> MappingEntry | None:
 
 
 def _places(
-    name: str, number: int | None, starts: MappingEntry, layout: Starts, found: Findings
+    name: str, number: int | None, starts: MappingEntry, layout: Starts, found: Collector
 ) -> list[Vec3] | None:
     """Return the positions at which the vehicles start; None without their right number, which is
     reported."""

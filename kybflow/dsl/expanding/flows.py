@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from kybflow.core.params import Field
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics import Findings
+from kybflow.dsl.diagnostics import Collector
 from kybflow.dsl.expanding.vehicles import next_transition
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.records import Source
@@ -64,7 +64,7 @@ def flows_of(node: Node | None, decoder: Decoder) -> tuple[FlowPlan, ...]:
     return tuple(flows)
 
 
-def _with_ways(flow: FlowPlan, found: Findings) -> FlowPlan:
+def _with_ways(flow: FlowPlan, found: Collector) -> FlowPlan:
     """Return the flow with the transitions of its phases."""
     shared = []
     for way in flow.next:
@@ -81,7 +81,7 @@ def _with_ways(flow: FlowPlan, found: Findings) -> FlowPlan:
     return flow.but(phases=phases)
 
 
-def _limit(phase: PhasePlan, found: Findings) -> Ways:
+def _limit(phase: PhasePlan, found: Collector) -> Ways:
     """Return the transition of `within` and `otherwise`; empty if either is missing."""
     limit, goal = phase.entry("within"), phase.entry("otherwise")
     if limit is not None and goal is not None:
@@ -215,7 +215,7 @@ def written(request: Request) -> bool:
     return bool(entries_of(request.source.node))
 
 
-def entry_values(source: Source, part: PartPlan, found: Findings) -> Values:
+def entry_values(source: Source, part: PartPlan, found: Collector) -> Values:
     """Return the values (SI) written at `source` for the parameters of a state's part; empty if
     they have errors, which are reported."""
     fields = {field.key: field for field in part.fields}
@@ -275,4 +275,4 @@ def entered_states(plan: Plan, asked: ValuedRequest) -> Iterator[tuple[str, Stat
 def values_for(vehicle: VehiclePlan, request: Request) -> Values:
     """Return the values of a request for one of its vehicles; empty if they have errors."""
     entered = vehicle.states.get(vehicle.goal(request.state))
-    return () if entered is None else entry_values(request.source, entered.behavior, Findings())
+    return () if entered is None else entry_values(request.source, entered.behavior, Collector())

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from kybflow.core.params import fields_of
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics import PREFIX, Findings, Span
+from kybflow.dsl.diagnostics import PREFIX, Collector, Span
 from kybflow.dsl.expanding.copies import with_copies
 from kybflow.dsl.expanding.flows import flows_of, with_requests, with_waiting
 from kybflow.dsl.expanding.targets import Target, inputs_of, needed_rate
@@ -65,7 +65,7 @@ _CALLBACK_KEYS = frozenset(field.key for field in fields_of(CallbackPlan))
 
 
 def mission_of(
-    resolved: Resolved, catalog: Catalog, target: str | None, found: Findings
+    resolved: Resolved, catalog: Catalog, target: str | None, found: Collector
 ) -> Plan | None:
     """Return the plan as written, or None if it has errors."""
     root, decoder = resolved.root, Decoder(catalog, found, resolved.chains)
@@ -108,7 +108,7 @@ def _control(root: Mapping, needed: int, decoder: Decoder) -> int:
     if not isinstance(node, Scalar):
         return needed
     field = next(f for f in fields_of(Plan) if f.name == "control")
-    rate = decode_value(node, field, Findings())
+    rate = decode_value(node, field, Collector())
     if rate is None:
         return needed
     if not rate.is_integer():
@@ -128,7 +128,7 @@ def airframes_of(root: Mapping, decoder: Decoder) -> tuple[Body, ...]:
     airframes: list[Body] = []
     for name, entry in entries_of(root.get("airframes")).items():
         assert isinstance(entry.value, Mapping)
-        found = Findings()
+        found = Collector()
         own = body_of(name, entry.key.span, entry.value, Decoder(decoder.catalog, found))
         decoder.found.add(finding for finding in found.all if finding.code not in _LEFT_TO_LIKE)
         if own is not None:
@@ -136,7 +136,7 @@ def airframes_of(root: Mapping, decoder: Decoder) -> tuple[Body, ...]:
     return tuple(airframes)
 
 
-def judge_library(library: Mapping, catalog: Catalog, found: Findings) -> None:
+def judge_library(library: Mapping, catalog: Catalog, found: Collector) -> None:
     """Report errors in the worlds, airframes, parts and flows of a library.
 
     `like` is already resolved, except in chains. What the importing mission can provide is not
@@ -147,7 +147,7 @@ def judge_library(library: Mapping, catalog: Catalog, found: Findings) -> None:
     for entry in entries_of(library.get("worlds")).values():
         world_of(entry.value, decoder)
     airframes_of(library, decoder)
-    left, own = set[Span](), Findings()
+    left, own = set[Span](), Collector()
     decoder = Decoder(catalog, own)
     for section in ("vehicles", "stacks", "chains"):
         for entry in entries_of(library.get(section)).values():

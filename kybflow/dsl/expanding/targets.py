@@ -12,7 +12,7 @@ from kybflow.core.errors import KybflowError
 from kybflow.core.params import fields_of
 from kybflow.core.signals import MeasurementKind
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics import Findings, Severity, Span, Text
+from kybflow.dsl.diagnostics import Collector, Severity, Span, Text
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.records import Source, layout_of
 from kybflow.dsl.plan import InputPlan, PartPlan, Place, SensorPlan, TargetKeys, VehiclePlan
@@ -125,7 +125,7 @@ class Target:
         for name, entry in self._targets.items():
             if name == self.name.text:
                 continue
-            found, entries = Findings(), entries_of(entry.value)
+            found, entries = Collector(), entries_of(entry.value)
             decoder = Decoder(self._decoder.catalog, found)
             self._decoded(entries, decoder)
             for own in inputs_in(entry.value).values():

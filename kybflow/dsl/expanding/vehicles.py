@@ -13,7 +13,7 @@ from math import degrees, tan
 from kybflow.core.geometry import Quat, conjugate, from_axes, from_euler, multiply, to_euler
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.calibration_file import read_calibration
-from kybflow.dsl.diagnostics import Findings, Span
+from kybflow.dsl.diagnostics import Collector, Span
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.records import Source
 from kybflow.dsl.names import failure_of
@@ -151,7 +151,7 @@ def _state(
 
 
 def _written(
-    entry: StatePlan | ChainPlan, first: dict[str, str], found: Findings
+    entry: StatePlan | ChainPlan, first: dict[str, str], found: Collector
 ) -> list[TransitionPlan]:
     """Return the transitions of one entry. The target of `within` remains empty here. A chain as a
     target is replaced by its first state."""
@@ -206,7 +206,7 @@ def _first_of(cause: str, levels: Iterable[Iterable[TransitionPlan]]) -> Transit
     return next((way for level in levels for way in level if way.cause == cause), None)
 
 
-def next_transition(way: TransitionPlan, found: Findings) -> TransitionPlan:
+def next_transition(way: TransitionPlan, found: Collector) -> TransitionPlan:
     """Return the transition of an item of `next` after checking that it has a condition
     (KYB143)."""
     if all(way.entry(key) is None for key in ("when", "event", "after")):
@@ -248,7 +248,7 @@ def _with_nearest_lens(body: Mapping) -> Mapping:
     return Mapping({k: e for k, e in body.entries.items() if k not in passed}, body.span)
 
 
-def _lens(camera: CameraPlan, found: Findings) -> Lens | None:
+def _lens(camera: CameraPlan, found: Collector) -> Lens | None:
     written = [key for key in _LENS if getattr(camera, key) is not None]
     missing = [key for key in _LENS if key not in written]
     if camera.calibration is not None and written:

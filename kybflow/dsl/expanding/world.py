@@ -27,7 +27,7 @@ from kybflow.core.names import CHARACTER
 from kybflow.core.params import RecordOf, fields_of
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import LENGTH, format_measured, format_quantity
-from kybflow.dsl.diagnostics import PREFIX, Findings
+from kybflow.dsl.diagnostics import PREFIX, Collector
 from kybflow.dsl.language.decode import Decoder
 from kybflow.dsl.language.records import EMPTY
 from kybflow.dsl.plan import Parameter
@@ -147,7 +147,12 @@ def _obstacle(entry: MappingEntry, decoder: Decoder) -> Obstacle | None:
 
 
 def only_kind(
-    entry: MappingEntry, kinds: tuple[str, ...], code: str, what: str, nothing: str, found: Findings
+    entry: MappingEntry,
+    kinds: tuple[str, ...],
+    code: str,
+    what: str,
+    nothing: str,
+    found: Collector,
 ) -> str | None:
     """Return the one of `kinds` that an entry has. If it has none or several, report `code` and
     return None."""
@@ -160,7 +165,7 @@ def only_kind(
     return None
 
 
-def _solid(solid: Any, found: Findings) -> tuple[Shape | None, tuple[File, ...]]:
+def _solid(solid: Any, found: Collector) -> tuple[Shape | None, tuple[File, ...]]:
     """Return the shape of an obstacle and the files that it was made from. The shape is None if it
     has errors, which are reported."""
     match solid:
@@ -192,7 +197,7 @@ def _solid(solid: Any, found: Findings) -> tuple[Shape | None, tuple[File, ...]]
     return None, ()
 
 
-def _cloud(scan: PointCloudParams, found: Findings) -> PointCloud | None:
+def _cloud(scan: PointCloudParams, found: Collector) -> PointCloud | None:
     points = placed(read_points(scan.file), METRES[scan.units], scan.at, scan.heading, scan.above)
     wrong, hint = "", ""
     if not len(points):
@@ -209,7 +214,7 @@ def _cloud(scan: PointCloudParams, found: Findings) -> PointCloud | None:
     return PointCloud.of(points, scan.radius)
 
 
-def _columns(chart: OccupancyParams, image: File, found: Findings) -> Columns | None:
+def _columns(chart: OccupancyParams, image: File, found: Collector) -> Columns | None:
     info = read_info(chart.file)
     places = occupied_places(info, read_image(image))
     if 0 < len(places) <= MOST_POINTS:
@@ -229,7 +234,7 @@ class Points:
     """Replaces `world.points.NAME` by coordinates. A node without such a name is returned
     unchanged, and an aliased node is replaced once."""
 
-    def __init__(self, points: MappingOf[str, Vec3], found: Findings) -> None:
+    def __init__(self, points: MappingOf[str, Vec3], found: Collector) -> None:
         self._points = points
         self._found = found
         self._done: dict[int, tuple[Node, Node]] = {}
@@ -262,7 +267,7 @@ class Points:
         return Sequence(tuple(numbers), node.span)
 
 
-def with_points(root: Mapping, points: MappingOf[str, Vec3], found: Findings) -> Mapping:
+def with_points(root: Mapping, points: MappingOf[str, Vec3], found: Collector) -> Mapping:
     """Return the mission with coordinates in place of `world.points.NAME`, except inside the world
     itself."""
     place = Points(points, found).apply
@@ -328,7 +333,7 @@ def _tags(entry: MappingEntry, decoder: Decoder) -> Tags | None:
     return None
 
 
-def _is_grid(grid: GridParams, found: Findings) -> bool:
+def _is_grid(grid: GridParams, found: Collector) -> bool:
     """Return whether `count` and `leave_out` are valid for the grid and its family; report it if
     not."""
     if len(grid.count) != 2:

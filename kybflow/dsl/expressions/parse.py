@@ -27,7 +27,7 @@ from typing import NamedTuple, cast, get_args
 
 from kybflow.core.text import nearest
 from kybflow.core.units import DURATION, LENGTH, NUMBER, Dimension
-from kybflow.dsl.diagnostics import PREFIX, Diagnostic, Findings, Text
+from kybflow.dsl.diagnostics import PREFIX, Collector, Diagnostic, Text
 from kybflow.dsl.expressions import tree
 from kybflow.dsl.expressions.semantics import (
     HEALTH,
@@ -78,7 +78,7 @@ def parse(text: Text, scope: Scope) -> Parsed:
     parsed: Parsed | None = scope.read.get(text)
     if parsed is not None:
         return parsed
-    found, expression = Findings(), None
+    found, expression = Collector(), None
     if len(text.text) > MAX_LENGTH:
         message = f"this expression is longer than {MAX_LENGTH} characters"
         found.report("KYB214", message, text.span, f"{len(text.text)} characters", help=_SPLIT)
@@ -95,7 +95,7 @@ class _Parser:
     """Parses conditions and expectations. Statistics are allowed only in an expectation without
     `always`, `eventually` or `finally`."""
 
-    def __init__(self, text: Text, scope: Scope, found: Findings) -> None:
+    def __init__(self, text: Text, scope: Scope, found: Collector) -> None:
         self._text, self._scope, self._found = text, scope, found
         self._tokens = Cursor(text, found)
         self._semantics = Semantics(text, scope, found)

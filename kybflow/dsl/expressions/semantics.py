@@ -12,7 +12,7 @@ from kybflow.core.errors import UnitError
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import NUMBER, RATIO, Dimension, article, parse_quantity
-from kybflow.dsl.diagnostics import PREFIX, Findings, Text, goals_like
+from kybflow.dsl.diagnostics import PREFIX, Collector, Text, goals_like
 from kybflow.dsl.expressions.tokens import Token
 from kybflow.dsl.expressions.tree import (
     Aggregate,
@@ -116,7 +116,7 @@ class Semantics:
     """Checks the names, types and units of one expression. Unknown names and wrong units are
     reported and replaced by a stand-in, so that the rest can be checked."""
 
-    def __init__(self, text: Text, scope: Scope, found: Findings) -> None:
+    def __init__(self, text: Text, scope: Scope, found: Collector) -> None:
         self._text = text
         self._scope = scope
         self._found = found

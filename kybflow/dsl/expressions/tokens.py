@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from kybflow.core.names import CHARACTER, LETTER
 from kybflow.core.text import as_typed
-from kybflow.dsl.diagnostics import Findings, Text
+from kybflow.dsl.diagnostics import Collector, Text
 from kybflow.dsl.reading.nodes import NAME_A_POINT, NO_POINT, no_commas
 
 KEYWORDS = frozenset({"and", "or", "not", "in", "to", "within", "always", "eventually", "finally"})
@@ -74,7 +74,7 @@ class Cursor:
     """Steps through the tokens of a text. Raises Unreadable if the next token is not the expected
     one."""
 
-    def __init__(self, text: Text, found: Findings) -> None:
+    def __init__(self, text: Text, found: Collector) -> None:
         self._text, self._found = text, found
         tokens = tokens_of(text.text)
         self._tokens = [*tokens, tokens[-1]]  # so that `peek(1)` always exists

@@ -10,7 +10,7 @@ from kybflow.core.errors import KybflowError
 from kybflow.core.params import TEXT, Choice, Field, ListOf, MappingOf, Numbers, RecordOf, ValueType
 from kybflow.core.text import did_you_mean, nearest
 from kybflow.core.units import is_quantity
-from kybflow.dsl.diagnostics import Findings, Span
+from kybflow.dsl.diagnostics import Collector, Span
 from kybflow.dsl.expressions.tree import Unparsed
 from kybflow.dsl.language.records import (
     CONDITION,
@@ -65,7 +65,7 @@ class Decoder:
     chains: the names of the chains, for hints about unknown behaviors.
     """
 
-    def __init__(self, catalog: Catalog, found: Findings, chains: Iterable[str] = ()) -> None:
+    def __init__(self, catalog: Catalog, found: Collector, chains: Iterable[str] = ()) -> None:
         self.catalog = catalog
         self.found = found
         self._chains = tuple(f"chain.{name}" for name in chains)

@@ -27,7 +27,7 @@ from kybflow.core.params import (
 )
 from kybflow.core.text import did_you_mean, nearest
 from kybflow.core.units import DIMENSIONS, article, parse_quantity
-from kybflow.dsl.diagnostics import Diagnostic, Findings
+from kybflow.dsl.diagnostics import Collector, Diagnostic
 from kybflow.dsl.language.records import (
     CONDITION,
     EVENT,
@@ -91,7 +91,7 @@ _MISSING = {
 }
 
 
-def judge_mission(root: Node, found: Findings) -> Mapping:
+def judge_mission(root: Node, found: Collector) -> Mapping:
     """Check the shape of a mission and return its top level; report what is wrong. Returns an empty
     mapping if the file is not a mission."""
     if isinstance(root, Mapping) and "mission" in root.entries:
@@ -384,7 +384,7 @@ def _explain_value(fault: SchemaViolation) -> Iterator[Diagnostic]:
     node, name = fault.node, fault.name
     schema = fault.schema
     field = _field(name, schema)
-    found = Findings()
+    found = Collector()
     if field is not None:
         decode_value(node, field, found)
     if found.all:

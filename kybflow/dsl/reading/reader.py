@@ -29,7 +29,7 @@ from yaml.events import (
 
 from kybflow.core.files import NotRegular, read_regular
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics import Diagnostic, Findings, Span, has_errors
+from kybflow.dsl.diagnostics import Collector, Diagnostic, Span, has_errors
 from kybflow.dsl.reading.nodes import (
     NAME,
     NAME_A_POINT,
@@ -79,9 +79,9 @@ class _Unreadable(Exception):
     """Stops the composing of a text; the reason is already reported."""
 
 
-def compose(text: str, file: str, found: Findings) -> Node | None:
+def compose(text: str, file: str, found: Collector) -> Node | None:
     """Return the node tree of `text`, or None if it can't be composed; report what is wrong."""
-    own, root = Findings(), None
+    own, root = Collector(), None
     try:
         root = _Composer(text, file, own).document(_Loader(text))
     except _Unreadable:
@@ -101,7 +101,7 @@ class _Composer:
     """Builds one tree from the parser's events. `_sizes` holds the number of nodes under each
     anchor."""
 
-    def __init__(self, text: str, file: str, found: Findings) -> None:
+    def __init__(self, text: str, file: str, found: Collector) -> None:
         self._text, self._file, self._found = text, file, found
         self._anchors: dict[str, Node | None] = {}
         self._sizes: dict[str, int] = {}
@@ -265,7 +265,7 @@ class ParsedFile(NamedTuple):
 
 def read(path: Path, file: str) -> ParsedFile:
     """Read the file `path`, which reports call `file`."""
-    found = Findings()
+    found = Collector()
     data = _bytes_of(path, file, found)
     text = None if data is None else _decode(data, file, found)
     if text is not None and not text.isascii():
@@ -275,7 +275,7 @@ def read(path: Path, file: str) -> ParsedFile:
     return ParsedFile(file, text or "", digest, root, tuple(found.all))
 
 
-def _bytes_of(path: Path, file: str, found: Findings) -> bytes | None:
+def _bytes_of(path: Path, file: str, found: Collector) -> bytes | None:
     start = Span(file, 1, 1, 1, 1)
     if not file.isascii() and (byte := next((c for c in file if "\udc80" <= c <= "\udcff"), "")):
         shown = file.encode("utf-8", "backslashreplace").decode()
@@ -312,7 +312,7 @@ def _near(path: Path) -> str:
     return did_you_mean(str(path), names)
 
 
-def _decode(data: bytes, file: str, found: Findings) -> str | None:
+def _decode(data: bytes, file: str, found: Collector) -> str | None:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

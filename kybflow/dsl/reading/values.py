@@ -39,7 +39,7 @@ from kybflow.core.units import (
     is_quantity,
     parse_quantity,
 )
-from kybflow.dsl.diagnostics import PREFIX, Findings
+from kybflow.dsl.diagnostics import PREFIX, Collector
 from kybflow.dsl.reading.nodes import (
     Mapping,
     Node,
@@ -96,7 +96,7 @@ def quantity_field(name: str, dimension: Dimension, shape: str = "scalar", **bou
 _PLAIN = {kind.shape: kind for kind in (INTEGER, TEXT, BOOLEAN)}
 
 
-def decode_value(node: Node, field: Field, found: Findings) -> Any:
+def decode_value(node: Node, field: Field, found: Collector) -> Any:
     """Return the value of `node` for `field`, or None if it has errors, which are reported."""
     value = _value(node, field, field.type, found)
     flaw = field.flaw(value)
@@ -107,7 +107,7 @@ def decode_value(node: Node, field: Field, found: Findings) -> Any:
     return None
 
 
-def _value(node: Node, field: Field, kind: ValueType, found: Findings) -> Any:
+def _value(node: Node, field: Field, kind: ValueType, found: Collector) -> Any:
     if isinstance(kind, Numbers):
         return _numbers(node, field, kind.dimension, kind.size, found)
     if isinstance(kind, ListOf) and isinstance(node, Sequence):
@@ -120,7 +120,7 @@ def _value(node: Node, field: Field, kind: ValueType, found: Findings) -> Any:
     return reader(node, field, found)
 
 
-def _word(node: Scalar, field: Field, found: Findings) -> Any:
+def _word(node: Scalar, field: Field, found: Collector) -> Any:
     """Return a choice, a boolean or an integer, or None if the text is none of these."""
     text, kind = node.text, field.type
     kind = kind.item if isinstance(kind, ListOf) else kind
@@ -141,7 +141,7 @@ def _word(node: Scalar, field: Field, found: Findings) -> Any:
 
 
 def _numbers(
-    node: Node, field: Field, dimension: Dimension, size: tuple[int | None, ...], found: Findings
+    node: Node, field: Field, dimension: Dimension, size: tuple[int | None, ...], found: Collector
 ) -> Any:
     """Return a number, or nested tuples of numbers of the given size; None if the node has
     errors."""
@@ -160,11 +160,11 @@ def _numbers(
     return tuple(items) if is_whole and None not in items else None
 
 
-def _too_long(node: Scalar, found: Findings) -> None:
+def _too_long(node: Scalar, found: Collector) -> None:
     found.report("KYB104", f"`{node.text[:20]}...` is too long to be a value", node.span)
 
 
-def _number(node: Node, field: Field, dimension: Dimension, found: Findings) -> float | None:
+def _number(node: Node, field: Field, dimension: Dimension, found: Collector) -> float | None:
     if not isinstance(node, Scalar) or len(node.text) > _MAX_SCALAR:
         if field.shape != "scalar":
             message = f"a number is needed, but this is {describe(node)}"
@@ -182,7 +182,7 @@ def _number(node: Node, field: Field, dimension: Dimension, found: Findings) -> 
     return _bounded(value, node, field, found)
 
 
-def _bounded(value: N, node: Scalar, field: Field, found: Findings) -> N | None:
+def _bounded(value: N, node: Scalar, field: Field, found: Collector) -> N | None:
     """Return `value` if it is within the bounds; otherwise report KYB105 and return None."""
     if field.is_within(value):
         return value
@@ -191,7 +191,7 @@ def _bounded(value: N, node: Scalar, field: Field, found: Findings) -> N | None:
     return None
 
 
-def _text(node: Scalar, field: Field, found: Findings) -> str | None:
+def _text(node: Scalar, field: Field, found: Collector) -> str | None:
     """Return a text. A parameter's value is accepted as text even if it looks like a number."""
     if node.parameter or isinstance(to_json(node), str):
         return node.text
@@ -262,7 +262,7 @@ def origin(node: Scalar) -> tuple[str, ...]:
     return (f"`{node.parameter}` is `{node.text}`",) if shown else ()
 
 
-def _wrong(node: Node, field: Field, found: Findings, shape: str = "") -> None:
+def _wrong(node: Node, field: Field, found: Collector, shape: str = "") -> None:
     dimension, shape = field.dimension, shape or field.shape
     needed = _SHAPES.get(shape) or (article(dimension.name) if dimension else "one value")
     if isinstance(field.type, Numbers) and shape in _ROWS:
@@ -349,7 +349,7 @@ def shown_value(value: Any, field: Field) -> str:
     return _shown(value, field.dimension) if isinstance(value, float) else str(value)
 
 
-def _attached(node: Scalar, field: Field, found: Findings) -> File | None:
+def _attached(node: Scalar, field: Field, found: Collector) -> File | None:
     """Return the file that `node` names, in the folder of its YAML file or below. Return None and
     report why if it can't be read or used by the part."""
     try:
@@ -377,7 +377,7 @@ def _attached(node: Scalar, field: Field, found: Findings) -> File | None:
     return file
 
 
-def _path_of(node: Scalar, _: Field, found: Findings) -> FilePath | None:
+def _path_of(node: Scalar, _: Field, found: Collector) -> FilePath | None:
     """Return the path that `node` names, relative to its YAML file. Return None and report KYB370
     if there is no such file."""
     path = os.path.abspath(os.path.join(os.path.dirname(node.span.file), node.text))
@@ -415,7 +415,7 @@ def _read(name: str, folder: Path, errors: str) -> File:
         raise FileError(f"`{name}` is not UTF-8 text on line {line}") from None
 
 
-_READERS: dict[ValueType, Callable[[Scalar, Field, Findings], Any]] = {
+_READERS: dict[ValueType, Callable[[Scalar, Field, Collector], Any]] = {
     FILE: _attached,
     FILE_PATH: _path_of,
     TEXT: _text,

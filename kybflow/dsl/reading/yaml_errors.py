@@ -1,4 +1,4 @@
-"""Findings about text that is not the YAML that its author intended.
+"""Collector about text that is not the YAML that its author intended.
 
 `not_yaml` explains why the parser stopped. `without_colon` explains keys without a value. The
 parser produces them for a decimal comma, a comma in a text or a forgotten colon, because a plain
@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from kybflow.core.names import name_flaw
 from kybflow.core.text import as_typed, character_name, in_typographic_quotes, unseen
-from kybflow.dsl.diagnostics import Diagnostic, Findings, Span
+from kybflow.dsl.diagnostics import Collector, Diagnostic, Span
 from kybflow.dsl.reading.nodes import (
     NAME,
     NAME_A_POINT,
@@ -161,7 +161,7 @@ def _strange_indent(file: str, lines: list[str], row: int) -> Diagnostic | None:
     return Diagnostic("KYB016", message, span, help=_INDENT)
 
 
-def strange_characters(node: Scalar, found: Findings, key: str = "") -> None:
+def strange_characters(node: Scalar, found: Collector, key: str = "") -> None:
     """Report a key or value without quotes that contains a character that can't be seen, or is in
     the quotes of a word processor. key: the key of a value. Texts for people are left alone."""
     text, span = node.text, node.span
@@ -185,7 +185,7 @@ def strange_characters(node: Scalar, found: Findings, key: str = "") -> None:
     found.report("KYB016", message, span, help=hint)
 
 
-def strange_names(key: Scalar, value: Node, found: Findings) -> None:
+def strange_names(key: Scalar, value: Node, found: Collector) -> None:
     """Report a key, or the name of a mission or library, that is not the name that it seems."""
     named = [key]
     if key.text in _TITLED and isinstance(value, Scalar):
@@ -467,7 +467,7 @@ def _indent(line: str) -> int:
     return len(line) - len(line.lstrip())
 
 
-def without_colon(before: MappingEntry | None, keys: Sequence[Scalar], found: Findings) -> None:
+def without_colon(before: MappingEntry | None, keys: Sequence[Scalar], found: Collector) -> None:
     """Report successive keys without a colon in one mapping. before: the entry that precedes them,
     or None."""
     name, value = (before.key.text, before.value) if before else ("", None)
@@ -502,7 +502,7 @@ def without_colon(before: MappingEntry | None, keys: Sequence[Scalar], found: Fi
         _without_value(key, found)
 
 
-def _without_value(key: Scalar, found: Findings) -> None:
+def _without_value(key: Scalar, found: Collector) -> None:
     shown = key.text[:_SHOWN_LETTERS]
     if not key.quoted and (joined := _JOINED.match(key.text)):
         message = f"a space is missing after `{joined[1]}:`"

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from kybflow.core.params import RESERVED, fields_of
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics import Findings, Span
+from kybflow.dsl.diagnostics import Collector, Span
 from kybflow.dsl.names import BUILT_IN
 from kybflow.dsl.plan import END, ChainPlan
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, Scalar, Sequence, entries_of
@@ -73,7 +73,7 @@ class Chains:
     """Expands the chains in the vehicles of one mission. What several vehicles share is expanded
     once."""
 
-    def __init__(self, exports: Exports, found: Findings) -> None:
+    def __init__(self, exports: Exports, found: Collector) -> None:
         self._exports = exports
         self._found = found
         self._done: dict[int, tuple[Mapping, Mapping]] = {}
@@ -192,7 +192,7 @@ class Chains:
     def _parameters(self, use: ChainExpansion, exports: Exports, chain: Mapping) -> ParameterTable:
         """Return the parameters visible in the chain: its own, with the values given where it is
         used, and those declared in its file."""
-        own = Findings()
+        own = Collector()
         section = chain.get("parameters")
         if section is not None:
             section = Substitution(exports.parameters, own).apply(section)

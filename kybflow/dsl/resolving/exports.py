@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from kybflow.core.text import did_you_mean
-from kybflow.dsl.diagnostics import Findings, Span
+from kybflow.dsl.diagnostics import Collector, Span
 from kybflow.dsl.language.records import EMPTY
 from kybflow.dsl.plan import LISTS
 from kybflow.dsl.reading.nodes import (
@@ -50,7 +50,7 @@ class Exports:
         imports: dict[str, Exports | None],
         base: Mapping,
         parameters: ParameterTable,
-        found: Findings,
+        found: Collector,
     ) -> None:
         self.root, self.parameters = root, parameters
         self._imports, self._base, self._found = imports, base, found

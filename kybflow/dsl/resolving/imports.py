@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from kybflow.dsl.diagnostics import Findings, Span, has_errors
+from kybflow.dsl.diagnostics import Collector, Span, has_errors
 from kybflow.dsl.language.records import EMPTY
 from kybflow.dsl.reading.nodes import Mapping, Node, Scalar, entries_of
 from kybflow.dsl.reading.reader import ParsedFile
@@ -53,7 +53,7 @@ class Files:
         self.sources.setdefault(source.file, source)
         self.via.setdefault(source.file, via)
 
-    def may_open(self, target: LibraryPath, real: str, at: Span, found: Findings) -> bool:
+    def may_open(self, target: LibraryPath, real: str, at: Span, found: Collector) -> bool:
         """Return whether the import of `target` at `at` may be followed; otherwise report why. A
         mission may have `MAX_IMPORTS` imports, and none of them may lead back to itself."""
         self._imports += 1
@@ -73,7 +73,7 @@ class Files:
         return False
 
 
-def load(files: Files, root: Mapping, declared: ParameterTable, found: Findings) -> Exports:
+def load(files: Files, root: Mapping, declared: ParameterTable, found: Collector) -> Exports:
     """Load all imports of the file under compilation, and return what the file exports. root: the
     file's top level. declared: its parameters."""
     substitution = Substitution(declared, found)
@@ -83,7 +83,7 @@ def load(files: Files, root: Mapping, declared: ParameterTable, found: Findings)
     return exports
 
 
-def _default_vehicle(files: Files, found: Findings) -> Mapping:
+def _default_vehicle(files: Files, found: Collector) -> Mapping:
     """Return the vehicle that every other vehicle starts from."""
     home = installed("kybflow")
     if home is None:
@@ -104,7 +104,7 @@ class _Loader:
     """Reads the imports of the files of one compilation. base: the vehicle that every other one
     starts from."""
 
-    def __init__(self, files: Files, base: Mapping, found: Findings) -> None:
+    def __init__(self, files: Files, base: Mapping, found: Collector) -> None:
         self._files, self._base, self._found = files, base, found
 
     def exports(self, root: Mapping, substitution: Substitution, place: LibraryPath) -> Exports:
@@ -156,7 +156,7 @@ class _Loader:
         return exports
 
 
-def library_root(library: LibraryFile, at: Span, found: Findings) -> Mapping | None:
+def library_root(library: LibraryFile, at: Span, found: Collector) -> Mapping | None:
     """Return the top level of a library file. If it is not a valid library, report why and return
     None."""
     found.add(library.findings)

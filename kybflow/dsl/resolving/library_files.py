@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import kybflow
 from kybflow.core.text import nearest
-from kybflow.dsl.diagnostics import Diagnostic, Findings, has_errors
+from kybflow.dsl.diagnostics import Collector, Diagnostic, has_errors
 from kybflow.dsl.language.judge import judge_file
 from kybflow.dsl.plan import Library
 from kybflow.dsl.reading.nodes import Mapping, Scalar
@@ -34,7 +34,7 @@ class LibraryPath(NamedTuple):
     file: str
 
 
-def find(text: Scalar, importer: LibraryPath, root: Path, found: Findings) -> LibraryPath | None:
+def find(text: Scalar, importer: LibraryPath, root: Path, found: Collector) -> LibraryPath | None:
     """Return the file that `text` names in the file `importer`, or report why there is none and
     return None. root: the folder of the mission."""
     try:

@@ -16,7 +16,7 @@ from kybflow.core import names
 from kybflow.core.params import TEXT, Field, Numbers, numbers
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import LENGTH, NUMBER, RATIO, Dimension, article
-from kybflow.dsl.diagnostics import PREFIX, SET, Findings, Inset, Span
+from kybflow.dsl.diagnostics import PREFIX, SET, Collector, Inset, Span
 from kybflow.dsl.plan import Parameter
 from kybflow.dsl.reading.nodes import (
     NAME,
@@ -86,7 +86,7 @@ class Setting(NamedTuple):
     name: Span
 
 
-def parse_settings(sets: Iterable[str], found: Findings) -> dict[str, Setting]:
+def parse_settings(sets: Iterable[str], found: Collector) -> dict[str, Setting]:
     """Return the values of `--set name=value` by name, and report invalid settings."""
     settings: dict[str, Setting] = {}
     for line, given in enumerate(sets, start=1):
@@ -99,7 +99,7 @@ def parse_settings(sets: Iterable[str], found: Findings) -> dict[str, Setting]:
             message = f"`--set {name}` has no value" if is_lacking else f"can't read `--set {text}`"
             found.report("KYB135", message, span, help=hint)
             continue
-        own = Findings()
+        own = Collector()
         node = compose(value, SET, own)
         if node is None or own.all or isinstance(node, Mapping):
             message = f"`{value}` can't be the value of a parameter"
@@ -128,7 +128,7 @@ def _moved(node: Node, line: int, shift: int) -> Node:
 def declare(
     section: Node | None,
     settings: MappingOf[str, Setting],
-    found: Findings,
+    found: Collector,
     use: Scalar | None = None,
     set_by: str = "--set {}=...",
 ) -> ParameterTable:
@@ -158,7 +158,7 @@ def _declare(
     setting: Node | None,
     use: Scalar | None,
     set_by: str,
-    found: Findings,
+    found: Collector,
 ) -> BoundParameter | None:
     body, span = entry.value, entry.key.span
     if not isinstance(body, Mapping):
@@ -200,7 +200,7 @@ def _declare(
     return BoundParameter(Parameter(name, kind.text, value), shown, span, setting is not None)
 
 
-def _value(node: Node, field: Field, found: Findings) -> Any:
+def _value(node: Node, field: Field, found: Collector) -> Any:
     """Return the value of `node`; the name of a point is kept until the world is known."""
     if field.shape == "path" and isinstance(node, Sequence) and node.items:
         assert field.dimension is not None
@@ -213,7 +213,7 @@ def _value(node: Node, field: Field, found: Findings) -> Any:
     return decode_value(node, field, found)
 
 
-def _field(name: str, kind: str, body: Mapping, found: Findings) -> Field:
+def _field(name: str, kind: str, body: Mapping, found: Collector) -> Field:
     shape = _SHAPES.get(kind, "scalar" if kind in QUANTITIES else kind)
     dimension = _dimension(kind)
     bounds: dict[str, Any] = {}
@@ -254,7 +254,7 @@ class Substitution:
     """Replaces `$name` by values and records which names are used. A node without `$name` is
     returned unchanged, and an aliased node is replaced once."""
 
-    def __init__(self, parameters: ParameterTable, found: Findings) -> None:
+    def __init__(self, parameters: ParameterTable, found: Collector) -> None:
         self.parameters = parameters
         self._found = found
         self._done: dict[tuple[int, bool], tuple[Node, Node]] = {}
@@ -387,7 +387,7 @@ class Substitution:
                 unused_parameter(name, declared.span, self._found)
 
 
-def unused_parameter(name: str, span: Span, found: Findings) -> None:
+def unused_parameter(name: str, span: Span, found: Collector) -> None:
     """Warn that nothing uses the parameter declared at `span` (KYB133)."""
     hint = f"use it as `${name}`, or remove it"
     found.warn("KYB133", f"nothing uses the parameter `{name}`", span, help=hint)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping as MappingOf
 from typing import NamedTuple
 
-from kybflow.dsl.diagnostics import PREFIX, Findings, Span
+from kybflow.dsl.diagnostics import PREFIX, Collector, Span
 from kybflow.dsl.language.records import EMPTY
 from kybflow.dsl.plan import Parameter
 from kybflow.dsl.reading.nodes import Mapping, MappingEntry, Node, count, entries_of
@@ -37,7 +37,7 @@ class Resolved(NamedTuple):
 
 
 def resolve(
-    root: Mapping, files: Files, settings: MappingOf[str, Setting], found: Findings
+    root: Mapping, files: Files, settings: MappingOf[str, Setting], found: Collector
 ) -> Resolved:
     """Resolve the imports, parameters and `like` of the mission `root`."""
     declared = declare(root.get("parameters"), settings, found)
@@ -71,13 +71,13 @@ def resolve(
     return Resolved(_with(exports.root, whole), parameters, names_points, at_hand)
 
 
-def resolve_library(source: ParsedFile, files: Files, found: Findings) -> Mapping:
+def resolve_library(source: ParsedFile, files: Files, found: Collector) -> Mapping:
     """Return the top level of a library file on its own, with complete sections. A parameter
     without a value is not reported, because an import can set it."""
     root = library_root(judged(source), Span(source.file, 1, 1, 1, 1), found)
     if root is None:
         return EMPTY
-    unset = Findings()
+    unset = Collector()
     declared = declare(root.get("parameters"), {}, unset)
     found.add(finding for finding in unset.all if finding.code != "KYB132")
     exports = load(files, root, declared, found)
@@ -101,7 +101,7 @@ def _with(root: Mapping, whole: MappingOf[str, Node | None]) -> Mapping:
     return Mapping({**root.entries, **sections}, root.span)
 
 
-def _flows(exports: Exports, room: int, found: Findings) -> Mapping | None:
+def _flows(exports: Exports, room: int, found: Collector) -> Mapping | None:
     """Return the file's own flows, complete, as long as `room` is positive; None if the file has
     none. Names in a flow are looked up where the flow is used, so its spans record that
     location."""
@@ -120,7 +120,7 @@ def _flows(exports: Exports, room: int, found: Findings) -> Mapping | None:
     return Mapping(whole, written.key.span)
 
 
-def _left(room: int, whole: Mapping, entry: MappingEntry, found: Findings) -> int:
+def _left(room: int, whole: Mapping, entry: MappingEntry, found: Collector) -> int:
     """Return the rest of `room`, a number of values, after the entry that was resolved to `whole`;
     report KYB126 if nothing is left."""
     left = room - count(whole, room)

@@ -12,7 +12,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from toolchain import ROOT
 
-from kybflow.dsl.diagnostics import Findings
+from kybflow.dsl.diagnostics import Collector
 from kybflow.dsl.language.judge import has_shape, is_library
 from kybflow.dsl.language.schema import record_schema
 from kybflow.dsl.plan import Library, Plan
@@ -33,7 +33,7 @@ VALUES = """[
 
 
 def read(text: str) -> Node:
-    found = Findings()
+    found = Collector()
     root = compose(text, "test.yaml", found)
     assert root is not None
     assert not found.all
