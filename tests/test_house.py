@@ -50,7 +50,9 @@ def imported(tree: ast.Module) -> Iterator[str]:
 
 
 def graph() -> Mapping[str, set[str]]:
+    """What each module imports; `kybflow` itself only offers names, and loads them when used."""
     found = {name: set(imported(tree)) & trees().keys() for name, tree in trees().items()}
+    found["kybflow"] = set()
     return {name: others - {name} for name, others in found.items()}
 
 

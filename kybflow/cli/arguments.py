@@ -125,16 +125,14 @@ def compiled(
     mission: Path, target: str | None = None, sets: Sequence[str] = ()
 ) -> tuple[Plan, Result]:
     """Compile a mission and print its findings. Exits with INVALID if the mission is invalid."""
+    from kybflow.api.missions import MissionInvalid, compile_plan
     from kybflow.api.validation import findings
-    from kybflow.dsl.compiler import compile_mission
-    from kybflow.parts.catalog import load_catalog
 
-    result = compile_mission(mission, catalog=load_catalog(), target=target, sets=sets)
+    with failing(INVALID, MissionInvalid, word=""):
+        plan, result = compile_plan(mission, target, sets)
     for text in findings(result, mission):
         echo(text, err=True)
-    if result.plan is None:
-        raise Exit(INVALID)
-    return result.plan, result
+    return plan, result
 
 
 @contextmanager

@@ -1,15 +1,16 @@
 """Reads the messages of a recording as arrays: `log.mcap` (https://mcap.dev/spec).
 
-A file that is still being written, or whose run was killed, is read as far as it goes. Only the
-outer records are read by `mcap`: it makes an object of every message, which takes ten times as long
-as to find them by their lengths.
+A file that is still being written, or whose run was killed, is read as far as it goes, chunk by
+chunk, and only the topics that are asked for are kept. Only the outer records are read by `mcap`:
+it makes an object of every message, which takes ten times as long as to find them by their lengths.
 """
 
 from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator
+from array import array
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -45,11 +46,13 @@ class Series(NamedTuple):
 @dataclass(frozen=True)
 class Messages:
     """The messages of a topic in the order of the file. times: their log times, ns, shape (n,).
-    sizes: their lengths in bytes, (n,). content: their bytes, one after the other."""
+    sizes: their lengths in bytes, (n,). content: their bytes, one after the other. definition: of a
+    ROS 1 message, as in the file; empty for JSON."""
 
     times: NDArray[np.int64]
     sizes: NDArray[np.int64]
-    content: bytes
+    content: bytes | bytearray
+    definition: str = ""
 
     def decoded(self, kind: np.dtype[Any]) -> Series:
         """Return the messages as an array of structures, and their times. Raises ValueError if they
@@ -88,24 +91,24 @@ class Recording:
         return max((int(messages.times.max()) for messages in self.topics.values()), default=0)
 
 
-def read_recording(path: Path) -> Recording:
-    """Read the recording at `path`. Raises OSError, ValueError or McapError for a file that is not
-    a recording, or is one of another version of kybflow."""
+def read_recording(path: Path, wants: Callable[[str], bool] = lambda _: True) -> Recording:
+    """Read the topics that `wants` of the recording at `path`. Raises OSError, ValueError or
+    McapError for a file that is not a recording, or is one of another version of kybflow."""
     mission: dict[str, Any] = {}
-    channels: dict[int, _Collected] = {}
+    channels = _Channels(path, wants)
     with open_regular(path) as file:
         try:
             for record in StreamReader(file, emit_chunks=True).records:
                 if isinstance(record, Chunk):
                     stream, length = get_chunk_data_stream(record)
-                    _read_chunk(path, stream.read(length), channels)
+                    channels.read(stream.read(length))
                 elif isinstance(record, Metadata) and record.name == METADATA:
                     mission.update(json.loads(record.metadata["plan"]))
         except (EndOfFile, struct.error):
             pass  # the run was killed, or is still flying
     if not mission:
         raise ValueError(f"`{path.name}` has no metadata of a mission")
-    return Recording(mission, {c.topic: c.messages() for c in channels.values() if c.times})
+    return Recording(mission, channels.topics())
 
 
 @dataclass
@@ -113,30 +116,58 @@ class _Collected:
     """The messages of a channel that were read so far."""
 
     topic: str
-    times: list[int] = field(default_factory=list)
-    parts: list[bytes] = field(default_factory=list)
+    definition: str
+    times: array[int] = field(default_factory=lambda: array("q"))
+    sizes: array[int] = field(default_factory=lambda: array("q"))
+    content: bytearray = field(default_factory=bytearray)
 
     def messages(self) -> Messages:
-        sizes = np.fromiter(map(len, self.parts), np.int64, len(self.parts))
-        return Messages(np.array(self.times, np.int64), sizes, b"".join(self.parts))
+        times, sizes = np.array(self.times, np.int64), np.array(self.sizes, np.int64)
+        return Messages(times, sizes, self.content, self.definition)
 
 
-def _read_chunk(path: Path, data: bytes, channels: dict[int, _Collected]) -> None:
-    start, end, header = 0, len(data), _RECORD.size + _MESSAGE.size
-    while start < end:
-        opcode, length = _RECORD.unpack_from(data, start)
-        following = start + _RECORD.size + length
-        if opcode == Opcode.MESSAGE:
-            number, _, time, _ = _MESSAGE.unpack_from(data, start + _RECORD.size)
-            channel = channels[number]
-            channel.times.append(time)
-            channel.parts.append(data[start + header : following])
-        elif opcode == Opcode.CHANNEL:
-            opened = Channel.read(_stream(data, start, following))
-            channels.setdefault(opened.id, _Collected(opened.topic))
-        elif opcode == Opcode.SCHEMA:
-            _check_layout(path, Schema.read(_stream(data, start, following)))
-        start = following
+class _Channels:
+    """The channels of a file, by number; None for those that nobody wants."""
+
+    def __init__(self, path: Path, wants: Callable[[str], bool]) -> None:
+        self._path, self._wants = path, wants
+        self._channels: dict[int, _Collected | None] = {}
+        self._schemas: dict[int, Schema] = {}
+
+    def topics(self) -> dict[str, Messages]:
+        return {c.topic: c.messages() for c in self._channels.values() if c and c.times}
+
+    def read(self, data: bytes) -> None:
+        """Read the records of a chunk."""
+        start, end, header = 0, len(data), _RECORD.size + _MESSAGE.size
+        record, message, channels = _RECORD.unpack_from, _MESSAGE.unpack_from, self._channels
+        while start < end:
+            opcode, length = record(data, start)
+            following = start + _RECORD.size + length
+            if opcode == Opcode.MESSAGE:
+                number, _, time, _ = message(data, start + _RECORD.size)
+                channel = channels[number]
+                if channel is not None:
+                    channel.times.append(time)
+                    channel.sizes.append(following - start - header)
+                    channel.content += memoryview(data)[start + header : following]
+            elif opcode == Opcode.CHANNEL:
+                self._open(Channel.read(_stream(data, start, following)))
+            elif opcode == Opcode.SCHEMA:
+                schema = Schema.read(_stream(data, start, following))
+                self._schemas[schema.id] = schema
+                _check_layout(self._path, schema)
+            start = following
+
+    def _open(self, channel: Channel) -> None:
+        if channel.id in self._channels:
+            return
+        schema = self._schemas.get(channel.schema_id)
+        is_plain = schema is None or schema.encoding != "ros1msg"
+        definition = "" if schema is None or is_plain else schema.data.decode()
+        wanted = self._wants(channel.topic)
+        collected = _Collected(channel.topic, definition) if wanted else None
+        self._channels[channel.id] = collected
 
 
 def _stream(data: bytes, start: int, end: int) -> ReadDataStream:
