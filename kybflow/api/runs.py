@@ -25,7 +25,7 @@ from kybflow.core.files import read_all
 from kybflow.core.signals import NS, Event
 from kybflow.core.text import did_you_mean
 from kybflow.dsl.reading.reader import PROVENANCE, RESOLVED
-from kybflow.recording.messages import Recording, read_recording
+from kybflow.recording.messages import Recording, read_mission, read_recording
 from kybflow.recording.run_folder import EVENTS, LOG, SUMMARY, RunFolderError, whole_lines
 from kybflow.recording.signals import Signals, SignalUnknown
 
@@ -141,8 +141,7 @@ class Run:
         """Read the run in `folder`. Raises RunFolderError."""
         path = Path(folder)
         with _readable(path):
-            head = read_recording(path / LOG, lambda _: False)
-            return cls(path, head.mission)
+            return cls(path, read_mission(path / LOG))
 
     @property
     def outcome(self) -> str:

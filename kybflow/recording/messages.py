@@ -1,8 +1,9 @@
 """Reads the messages of a recording as arrays: `log.mcap` (https://mcap.dev/spec).
 
 A file that is still being written, or whose run was killed, is read as far as it goes, chunk by
-chunk, and only the topics that are asked for are kept. Only the outer records are read by `mcap`:
-it makes an object of every message, which takes ten times as long as to find them by their lengths.
+chunk, and only the topics that are asked for are kept. `mcap` reads only what is not a message: it
+makes an object of every message and of its place, which takes ten times as long as to find them by
+their lengths.
 """
 
 from __future__ import annotations
@@ -12,16 +13,15 @@ import struct
 from array import array
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from io import BytesIO
+from io import SEEK_CUR, BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
-from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from mcap.stream_reader import get_chunk_data_stream, read_magic
 from numpy.typing import NDArray
 
 from kybflow.core.files import open_regular
@@ -94,21 +94,37 @@ class Recording:
 def read_recording(path: Path, wants: Callable[[str], bool] = lambda _: True) -> Recording:
     """Read the topics that `wants` of the recording at `path`. Raises OSError, ValueError or
     McapError for a file that is not a recording, or is one of another version of kybflow."""
-    mission: dict[str, Any] = {}
-    channels = _Channels(path, wants)
-    with open_regular(path) as file:
-        try:
-            for record in StreamReader(file, emit_chunks=True).records:
-                if isinstance(record, Chunk):
-                    stream, length = get_chunk_data_stream(record)
-                    channels.read(stream.read(length))
-                elif isinstance(record, Metadata) and record.name == METADATA:
-                    mission.update(json.loads(record.metadata["plan"]))
-        except (EndOfFile, struct.error):
-            pass  # the run was killed, or is still flying
-    if not mission:
-        raise ValueError(f"`{path.name}` has no metadata of a mission")
+    channels, mission = _Channels(path, wants), read_mission(path)
+    for opcode, data in _records(path):
+        if opcode == Opcode.CHUNK:
+            stream, length = get_chunk_data_stream(Chunk.read(data))
+            channels.read(stream.read(length))
     return Recording(mission, channels.topics())
+
+
+def read_mission(path: Path) -> dict[str, Any]:
+    """Return the metadata of a recording, which begins with it. Raises as `read_recording`."""
+    for opcode, data in _records(path):
+        if opcode == Opcode.METADATA:
+            record = Metadata.read(data)
+            if record.name == METADATA:
+                mission: dict[str, Any] = json.loads(record.metadata["plan"])
+                return mission
+    raise ValueError(f"`{path.name}` has no metadata of a mission")
+
+
+def _records(path: Path) -> Iterator[tuple[int, ReadDataStream]]:
+    """Yield the outer records that matter, as (opcode, content), as far as they are written."""
+    with open_regular(path) as file:
+        read_magic(ReadDataStream(file))
+        while len(begin := file.read(_RECORD.size)) == _RECORD.size:
+            opcode, length = _RECORD.unpack(begin)
+            if opcode not in (Opcode.CHUNK, Opcode.METADATA):
+                file.seek(length, SEEK_CUR)
+            elif len(content := file.read(length)) == length:
+                yield opcode, ReadDataStream(BytesIO(content))
+            else:
+                return  # the run was killed, or is still flying
 
 
 @dataclass
