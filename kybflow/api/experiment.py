@@ -25,11 +25,12 @@ def rehearse(
     set: Values | None = None,
     options: Values | None = None,
     emit: Sequence[tuple[float, str]] = (),
+    parts: Sequence[str | Path] = (),
 ) -> Findings:
     """Fly a mission on ideal vehicles and return the findings. options: parameters of parts, such
     as `mk.processors.limit_speed.speed`. emit: a person's events, as (seconds, name). Raises
     MissionInvalid if it can't be flown, EventRefused or OptionRefused."""
-    plan, result = compile_plan(mission, target, settings(set))
+    plan, result = compile_plan(mission, target, settings(set), parts)
     return Findings(_rehearsed(plan, result, emit, pairs(options)).diagnostics, result.texts)
 
 
@@ -41,6 +42,7 @@ def run(
     set: Values | None = None,
     options: Values | None = None,
     emit: Sequence[tuple[float, str]] = (),
+    parts: Sequence[str | Path] = (),
     out: str | Path | None = None,
     speed: float | None = None,
     on_event: Callable[[Event], None] | None = None,
@@ -49,23 +51,25 @@ def run(
 ) -> Run:
     """Fly a mission and return the run. A failed run is returned, not raised.
 
-    out: the run folder; a new one in `runs/` by default. speed: the pace of a simulation, 1 for
-    real time; None for as fast as possible. on_event: called with every event, in the flight's
-    thread. commands: whether `connect` reaches the run. report: whether to write its report.
-    Hardware flies only after a rehearsal without errors. Raises MissionInvalid, RunFolderError,
-    RunUnwritten, EventRefused or OptionRefused.
+    parts: Python files that define a part each. out: the run folder; a new one in `runs/` by
+    default. speed: the pace of a simulation, 1 for real time; None for as fast as possible.
+    on_event: called with every event, in the flight's thread. commands: whether `connect` reaches
+    the run. report: whether to write its report. Hardware flies only after a rehearsal without
+    errors. Raises MissionInvalid, RunFolderError, RunUnwritten, EventRefused or OptionRefused.
     """
     from kybflow.api.flight import RunRequest, fly
     from kybflow.api.runs import Run
 
     sets, changes = settings(set), pairs(options)
-    plan, result = compile_plan(mission, target, sets)
+    plan, result = compile_plan(mission, target, sets, parts)
     if not plan.simulated:
         rehearsal = _rehearsed(plan, result, emit, changes)
         if not rehearsal.is_clean:
             raise MissionInvalid(Findings(rehearsal.diagnostics, result.texts))
     folder = None if out is None else Path(out)
-    request = RunRequest(seed, folder, speed, changes, tuple(emit), sets)
+    request = RunRequest(
+        seed, folder, speed, changes, tuple(emit), sets, parts=tuple(map(Path, parts))
+    )
     listeners = [] if on_event is None else [on_event]
     servers = []
     if commands:

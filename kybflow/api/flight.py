@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
+from hashlib import sha256
 from math import hypot
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -69,7 +70,8 @@ class RunRequest:
     `NAME=VALUE` arguments with which the plan was compiled, for `provenance.json` only. again: the
     commands of an earlier run, to repeat in the same ticks. inputs: the recorded table of each
     input that replaces its device. skips_rehearsal: whether hardware flies without a rehearsal; the
-    run then emits an event that says so.
+    run then emits an event that says so. parts: the files of parts with which the plan was
+    compiled, for `provenance.json` only.
     """
 
     seed: int = 0
@@ -81,6 +83,7 @@ class RunRequest:
     again: tuple[RecordedCommand, ...] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
     skips_rehearsal: bool = False
+    parts: tuple[Path, ...] = ()
 
     def record(self) -> dict[str, Any]:
         """Return the request for `provenance.json`, with options as on the command line."""
@@ -90,6 +93,9 @@ class RunRequest:
             "set": [*self.sets],
             "option": [f"{name}={value}" for name, value in self.options],
             "emit": [f"{name}@{seconds!r}s" for seconds, name in self.emitted],
+            "parts": [
+                {"path": str(p), "sha256": sha256(p.read_bytes()).hexdigest()} for p in self.parts
+            ],
         }
 
 

@@ -58,19 +58,22 @@ def validate(
     *,
     target: str | None = None,
     set: Values | None = None,
+    parts: Sequence[str | Path] = (),
 ) -> Findings:
-    """Check a mission without flying it. set: parameters of the mission. Never raises for what is
-    wrong with the mission."""
-    sets = settings(set)
-    result = check_mission(mission, catalog=load_catalog(), target=target, sets=sets)
+    """Check a mission without flying it. set: parameters of the mission. parts: Python files that
+    define a part each, whose code is run. Never raises for what is wrong with the mission; raises
+    PartError for a file of `parts`."""
+    catalog = load_catalog(*map(Path, parts))
+    result = check_mission(mission, catalog=catalog, target=target, sets=settings(set))
     return Findings(result.diagnostics, result.texts)
 
 
 def compile_plan(
-    mission: str | Path, target: str | None, sets: Sequence[str]
+    mission: str | Path, target: str | None, sets: Sequence[str], parts: Sequence[str | Path] = ()
 ) -> tuple[Plan, Result]:
-    """Return the plan of a mission. Raises MissionInvalid."""
-    result = compile_mission(mission, catalog=load_catalog(), target=target, sets=sets)
+    """Return the plan of a mission. Raises MissionInvalid, PartError."""
+    catalog = load_catalog(*map(Path, parts))
+    result = compile_mission(mission, catalog=catalog, target=target, sets=sets)
     if result.plan is None:
         texts = "\n".join(findings(result, Path(mission)))
         raise MissionInvalid(Findings(result.diagnostics, result.texts), texts)

@@ -80,11 +80,11 @@ def findings(result: Result, path: Path) -> list[str]:
 
 
 def validate_paths(
-    paths: Iterable[Path], target: str | None, sets: Sequence[str]
+    paths: Iterable[Path], target: str | None, sets: Sequence[str], parts: Sequence[Path] = ()
 ) -> Iterator[ValidatedFile]:
     """Validate each of `paths`. In a folder, validate the missions and libraries in it and its
-    subfolders."""
-    catalog = load_catalog()
+    subfolders. Raises PartError for a file of `parts`."""
+    catalog = load_catalog(*parts)
     files = (mission_files(path) if os.path.isdir(path) else (path,) for path in paths)
     for path in chain.from_iterable(files):
         begin = time.perf_counter()

@@ -11,7 +11,7 @@ from unicodedata import normalize
 from typer import BadParameter, Exit, Option
 
 from kybflow.cli.output import echo
-from kybflow.core.errors import INVALID, KybflowError, UnitError
+from kybflow.core.errors import INVALID, KybflowError, PartError, UnitError
 from kybflow.core.files import read_all, write_whole
 from kybflow.core.text import did_you_mean
 from kybflow.core.units import DURATION, Dimension, parse_quantity
@@ -112,6 +112,10 @@ Changes = Annotated[
         help="Change a parameter of a part, like mk.processors.limit_speed.speed=50cm/s.",
     ),
 ]
+Parts = Annotated[
+    list[Path],
+    repeated("--parts", metavar="FILE", help="Import this Python file, which defines a part."),
+]
 Out = Annotated[Path | None, Option(help="Run folder; runs/MISSION-TIME by default.")]
 Format = Annotated[
     Literal["text", "json", "sarif", "github"],
@@ -122,14 +126,18 @@ Check = Annotated[Path | None, Option(help="Fail if this file is out of date.")]
 
 
 def compiled(
-    mission: Path, target: str | None = None, sets: Sequence[str] = ()
+    mission: Path,
+    target: str | None = None,
+    sets: Sequence[str] = (),
+    parts: Sequence[Path] = (),
 ) -> tuple[Plan, Result]:
-    """Compile a mission and print its findings. Exits with INVALID if the mission is invalid."""
+    """Compile a mission and print its findings. Exits with INVALID if the mission, or a part's
+    file, is invalid."""
     from kybflow.api.missions import MissionInvalid, compile_plan
     from kybflow.api.validation import findings
 
-    with failing(INVALID, MissionInvalid, word=""):
-        plan, result = compile_plan(mission, target, sets)
+    with failing(INVALID, PartError), failing(INVALID, MissionInvalid, word=""):
+        plan, result = compile_plan(mission, target, sets, parts)
     for text in findings(result, mission):
         echo(text, err=True)
     return plan, result

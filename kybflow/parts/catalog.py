@@ -12,12 +12,17 @@ import functools
 import importlib
 import importlib.util
 import inspect
+import os
 import pkgutil
+import sys
 from dataclasses import dataclass
+from hashlib import sha256
 from importlib.metadata import entry_points
+from pathlib import Path
+from traceback import extract_tb
 from typing import Any
 
-from kybflow.core.errors import PartError
+from kybflow.core.errors import PartError, described
 from kybflow.core.params import Field, fields_of
 from kybflow.core.sources import docstring_of, is_compiled
 from kybflow.parts import (
@@ -110,15 +115,56 @@ def _own_modules() -> dict[str, dict[str, str]]:
     return modules
 
 
+def load_catalog(*files: Path) -> Catalog:
+    """Return the catalog of all installed parts, and of the parts in `files`, whose code is run.
+    Raises PartError for a file that can't be imported or defines no part, if a name is offered
+    twice, or if it is reserved by the language."""
+    return _catalog(tuple((file, _digest(file)) for file in files))
+
+
 @functools.cache
-def load_catalog() -> Catalog:
-    """Return the catalog of all installed parts. Raises PartError if two packages offer the same
-    part, or if the name of a part is reserved by the language."""
+def _catalog(files: tuple[tuple[Path, str], ...]) -> Catalog:
     modules = _own_modules()
     for entry in entry_points(group=GROUP):
         for kind in BASES:
             _scan(modules[kind], kind, entry.value)
+    for file, digest in files:
+        kind, module = _imported(file, digest)
+        _offer(modules[kind], kind, file.stem, module)
     return Catalog(modules)
+
+
+def _digest(file: Path) -> str:
+    try:
+        return sha256(file.read_bytes()).hexdigest()
+    except OSError as error:
+        raise PartError(f"`{file}` can't be read: {error.strerror}") from None
+
+
+def _imported(file: Path, digest: str) -> tuple[str, str]:
+    """Import a file that defines a part. Return the part's kind and the name of its module, which
+    changes with its content, so that an edited file is imported anew."""
+    name = f"kybflow_part_{file.stem}_{digest[:12]}"
+    spec = importlib.util.spec_from_file_location(name, file)
+    if spec is None or spec.loader is None:
+        raise PartError(f"`{file}` is not a Python file")
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:  # somebody's own code may raise anything
+        frames, own = extract_tb(error.__traceback__), os.path.abspath(file)
+        lines = [at.lineno for at in frames if at.filename == own]
+        at = getattr(error, "lineno", None) or (lines[-1] if lines else None)
+        place = f"{file}:{at}" if at else str(file)
+        raise PartError(f"{place} can't be imported: {described(error)}") from error
+    classes = [c for c in vars(module).values() if inspect.isclass(c) and c.__module__ == name]
+    kinds = [kind for kind, base in BASES.items() if any(issubclass(c, base) for c in classes)]
+    if len(kinds) != 1:
+        raise PartError(
+            f"`{file}` should define one part: a class that inherits from `Tracker[...]`, "
+            "`Behavior[...]` or another base class of `kybflow.parts`"
+        )
+    return kinds[0], name
 
 
 def _scan(found: dict[str, str], kind: str, home: str) -> None:
@@ -130,12 +176,16 @@ def _scan(found: dict[str, str], kind: str, home: str) -> None:
     for info in pkgutil.iter_modules(spec.submodule_search_locations if spec else []):
         if info.name.startswith("_") or info.name in BASES[kind].helpers:
             continue
-        module = f"{package}.{info.name}"
-        if info.name in BASES[kind].reserved:
-            raise PartError(f"{module}: the language itself has the {kind[:-1]} `{info.name}`")
-        if info.name in found:
-            raise PartError(f"two packages offer `{info.name}`: {found[info.name]} and {module}")
-        found[info.name] = module
+        _offer(found, kind, info.name, f"{package}.{info.name}")
+
+
+def _offer(found: dict[str, str], kind: str, name: str, module: str) -> None:
+    """Add the part of a module to those of its kind."""
+    if name in BASES[kind].reserved:
+        raise PartError(f"{module}: the language itself has the {kind[:-1]} `{name}`")
+    if name in found:
+        raise PartError(f"two packages offer `{name}`: {found[name]} and {module}")
+    found[name] = module
 
 
 def _load(kind: str, name: str, module_name: str) -> PartSpec:

@@ -25,7 +25,7 @@ def test_a_package_that_cannot_be_imported_is_named(
     entry = EntryPoint("lab", name, catalog.GROUP)
     monkeypatch.setattr(catalog, "entry_points", lambda group: [entry])
     with pytest.raises(PartError, match=f"{name}.*{reason}"):
-        catalog.load_catalog.__wrapped__()
+        catalog._catalog.__wrapped__(())
 
 
 def test_a_part_that_inherits_from_a_compiled_one_is_refused_before_it_flies(
@@ -40,7 +40,7 @@ def test_a_part_that_inherits_from_a_compiled_one_is_refused_before_it_flies(
     monkeypatch.syspath_prepend(tmp_path)
     entry = EntryPoint("lab", "derived_lab", catalog.GROUP)
     monkeypatch.setattr(catalog, "entry_points", lambda group: [entry])
-    offered = catalog.load_catalog.__wrapped__()
+    offered = catalog._catalog.__wrapped__(())
     monkeypatch.setattr(cascade, "__file__", f"{cascade.__file__.removesuffix('py')}so")
     with pytest.raises(PartError, match="inherits from `Cascade`, which is compiled"):
         offered.get("trackers", "mine")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Exit
 
-from kybflow.cli.arguments import Changes, Emits, Format, Sets, Target, compiled, failing
+from kybflow.cli.arguments import Changes, Emits, Format, Parts, Sets, Target, compiled, failing
 from kybflow.cli.output import echo
 from kybflow.core.errors import FAILED, INVALID, KybflowError
 
@@ -17,6 +17,7 @@ def command(
     *,
     target: Target = None,
     sets: Sets,
+    parts: Parts,
     options: Changes,
     emits: Emits,
     format: Format = "text",
@@ -40,7 +41,7 @@ def command(
     """
     from kybflow.api.rehearsal.rehearse import formatted, rehearse
 
-    plan, result = compiled(mission, target, sets)
+    plan, result = compiled(mission, target, sets, parts)
     with failing(INVALID, KybflowError):
         found = rehearse(plan, emits, options, result.texts)
     for text in formatted(found, result.texts, format):

@@ -29,6 +29,7 @@ def command(
     *,
     target: arguments.Target = None,
     sets: arguments.Sets,
+    parts: arguments.Parts,
     seed: arguments.Seed = 0,
     out: arguments.Out = None,
     speed: Annotated[float | None, Option(min=0.01, help="Pace; 1 is real time.")] = None,
@@ -86,13 +87,13 @@ def command(
         sets = [] if is_resolved else [*earlier.sets]
         options = [*map(arguments.change, earlier.options)]
         emits = [*map(arguments.emitted, earlier.emits)]
-    plan, result = arguments.compiled(mission, target, sets)
+    plan, result = arguments.compiled(mission, target, sets, parts)
     skips = rehearses is False and not plan.simulated
     if rehearses or not (plan.simulated or skips):
         _rehearse(plan, result, emits, options)
     pace = 1.0 if live and speed is None else speed
     asked_for = (tuple(options), tuple(emits), tuple(sets))
-    request = RunRequest(seed, out, pace, *asked_for, given, inputs, skips)
+    request = RunRequest(seed, out, pace, *asked_for, given, inputs, skips, tuple(parts))
     raise Exit(fly_plan(plan, request, live=live, plain=plain, report=report, serves=commands))
 
 

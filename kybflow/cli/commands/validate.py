@@ -7,9 +7,9 @@ from typing import Annotated
 
 from typer import Argument, Exit
 
-from kybflow.cli.arguments import Format, Sets, Target
+from kybflow.cli.arguments import Format, Parts, Sets, Target, failing
 from kybflow.cli.output import echo
-from kybflow.core.errors import INVALID
+from kybflow.core.errors import INVALID, PartError
 
 
 def command(
@@ -18,6 +18,7 @@ def command(
     format: Format = "text",
     target: Target = None,
     sets: Sets,
+    parts: Parts,
 ) -> None:
     """Check missions without flying them.
 
@@ -38,13 +39,14 @@ def command(
     from kybflow.api.validation import validate_paths, whole
 
     files, valid = [], []
-    for one in validate_paths(paths, target, sets):
-        valid.append(one.valid)
-        if format in ("json", "sarif"):
-            files.append(one)
-            continue
-        for text in one.annotations if format == "github" else one.reports:
-            echo(text)
+    with failing(INVALID, PartError):
+        for one in validate_paths(paths, target, sets, parts):
+            valid.append(one.valid)
+            if format in ("json", "sarif"):
+                files.append(one)
+                continue
+            for text in one.annotations if format == "github" else one.reports:
+                echo(text)
     if format in ("json", "sarif"):
         echo(whole(files, format))
     if not valid:

@@ -37,9 +37,9 @@ _INTEGRAL_S = 4.0
 _NEAR_ZERO, _SLOWEST = 0.3, 0.01
 """w0 of a turn and of a slide, relative to the largest speed. A slide is no longer pushed when it
 has arrived, so it needs its friction to the end."""
-_STAYS, _BRAKED = 0.7, 0.4
-"""The largest force along a slide that is to stay, and along one that is to come to rest, relative
-to its friction."""
+_TURNED, _STAYS, _BRAKED = 0.9, 0.7, 0.4
+"""The largest force along a slide while its object is aligned, while it is to stay, and while it is
+to come to rest, relative to its friction."""
 _RESTS = 0.02
 """The rate below which a slide counts as at rest, m/s."""
 _LIGHTEST = 0.5
@@ -203,7 +203,8 @@ class ObjectLaw:
             if aim.freedom.friction and not aim.freedom.turns:
                 least = abs(float(row.sum())) * self._preload
                 rests = not move and abs(aim.rate) < _RESTS
-                cap = (_STAYS if rests else _BRAKED) * aim.freedom.friction
+                share = _BRAKED if not rests else _STAYS if self.mode == "hold" else _TURNED
+                cap = share * aim.freedom.friction
                 rows.append(row)
                 caps.append(max(cap, abs(force), _LIGHTEST * least))
                 if least > caps[-1]:

@@ -1,0 +1,98 @@
+"""A part in a file of one's own flies when somebody names the file, and its mistakes are told."""
+
+from __future__ import annotations
+
+import json
+from hashlib import sha256
+from pathlib import Path
+
+import pytest
+from toolchain import ROOT, with_library
+from typer.testing import CliRunner
+
+import kybflow
+from kybflow.cli.app import app
+
+TRACKER = ROOT / "examples" / "my_tracker.py"
+MISSION = """\
+kybflow: 1
+mission: mine
+import: {std: library/airframes.yaml}
+world: {fence: {from: [-2, -2, 0], to: [2, 2, 2.5]}}
+vehicles:
+  a:
+    like: std.nano_plus
+    tracker: {use: my_tracker, stiffness: 12}
+    behaviors:
+      up: {do: take_off, height: 1 m, then: hold}
+      hold: {do: hover, for_time: 2 s, then: down}
+      down: {do: land}
+expect: [finally a in landed, max(a.position_error in hold) < 10 cm]
+"""
+
+
+@pytest.fixture
+def mission(tmp_path: Path) -> Path:
+    path = with_library(tmp_path) / "mine.yaml"
+    path.write_text(MISSION)
+    return path
+
+
+def test_a_tracker_of_ones_own_flies_and_is_named_by_its_hash(mission: Path) -> None:
+    run = kybflow.run(mission, parts=[TRACKER], out=mission.parent / "run")
+    assert run.succeeded, run.reason
+    [flown] = json.loads((run.folder / "provenance.json").read_text())["parts"]
+    assert flown["path"] == str(TRACKER)
+    assert flown["sha256"] == sha256(TRACKER.read_bytes()).hexdigest()
+
+
+def test_a_mission_alone_makes_nobodys_code_run(mission: Path) -> None:
+    marker = mission.parent / "ran"
+    own = mission.parent / "my_tracker.py"
+    touch = f"from pathlib import Path\nPath({str(marker)!r}).touch()\n"
+    own.write_text(TRACKER.read_text() + touch)
+    [finding] = kybflow.validate(mission)
+    assert finding.message == "no tracker is called `my_tracker`"
+    assert not marker.exists()
+    assert kybflow.validate(mission, parts=[own]).valid
+    assert marker.exists()
+
+
+def test_its_parameters_are_judged_like_any_other(mission: Path) -> None:
+    mission.write_text(MISSION.replace("stiffness: 12", "stiffness: -1"))
+    [finding] = kybflow.validate(mission, parts=[TRACKER])
+    assert "stiffness" in finding.message
+    assert finding.span.line == 8
+
+
+def test_a_part_that_raises_shows_its_line(mission: Path) -> None:
+    own = mission.parent / "my_tracker.py"
+    own.write_text(
+        TRACKER.read_text().replace("k, d, now =", "nothing.at_all\n        k, d, now =")
+    )
+    run = kybflow.run(mission, parts=[own], out=mission.parent / "raised")
+    assert not run.succeeded
+    line = next(i for i, text in enumerate(own.read_text().splitlines(), 1) if "nothing" in text)
+    failed = next(event for event in run.events if "traceback" in event.fields)
+    assert failed.fields["reason"] == "NameError: name 'nothing' is not defined"
+    assert f'my_tracker.py", line {line}' in str(failed.fields["traceback"])
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "told"),
+    [
+        ("bad", "import nothing_at_all\n", "bad.py:1 can't be imported: ModuleNotFoundError"),
+        ("typo", "def f(:\n", "typo.py:1 can't be imported: SyntaxError"),
+        ("plain", "x = 1\n", "plain.py` should define one part"),
+        ("cascade", TRACKER.read_text(), "two packages offer `cascade`"),
+        ("other", TRACKER.read_text(), "should define the class `Other(Tracker[...])`"),
+    ],
+)
+def test_what_is_wrong_with_the_file_is_told(mission: Path, name, text, told: str) -> None:
+    own = mission.parent / f"{name}.py"
+    own.write_text(text)
+    mission.write_text(MISSION.replace("my_tracker, stiffness: 12", name))
+    said = CliRunner().invoke(app, ["validate", str(mission), "--parts", str(own)])
+    assert said.exit_code == 2
+    assert told in said.output
+    assert "Traceback" not in said.output
