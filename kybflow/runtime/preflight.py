@@ -21,6 +21,7 @@ from kybflow.runtime.events import Events
 from kybflow.runtime.vehicle.knowledge import REST_TIME_S
 from kybflow.runtime.vehicle.touch_down import START_TOLERANCE, allowed_distance, said_distance
 from kybflow.runtime.vehicle.vehicle import Vehicle
+from kybflow.world.objects import distance_to, place_of
 from kybflow.world.shapes import Box, Shape, Sphere
 
 RED_TIMEOUT_S = 5.0
@@ -228,9 +229,12 @@ def _surroundings(vehicle: Vehicle, position: Vec3) -> Iterator[PreflightResult]
         yield PreflightResult(vehicle.name, "fence", outside <= 0.0, reason, vehicle.plan.at)
     balls = {name: Sphere(seen.position, seen.radius) for name, seen in vehicle.moving.items()}
     solids: dict[str, Shape] = {**context.obstacles, **balls}
-    if solids:
-        name, shape = min(solids.items(), key=lambda o: o[1].distance((x, y, z + _HOVER_HEIGHT)))
-        room = shape.distance((x, y, z + _HOVER_HEIGHT))
+    above, objects = (x, y, z + _HOVER_HEIGHT), context.objects
+    rooms = {name: solid.distance(above) for name, solid in solids.items()}
+    for name, one in objects.items():
+        rooms[name] = distance_to(one, place_of(objects, vehicle.objects, name), above)
+    if rooms:
+        room, name = min((room, name) for name, room in rooms.items())
         reason = f"{room:.2f} m from `{name}` ({context.airframe.arm:.2f} m needed)"
         green = room >= context.airframe.arm
         yield PreflightResult(vehicle.name, "obstacles", green, reason, vehicle.plan.at)

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import numpy
 import pytest
 from failsafe_parts import alarming
+from part_bench import BLOCK
 from plans import Bent, bent, part, plan, state, then, vehicle, wrapped
 from short_flights import down, named, path, up
 from toolchain import MISSIONS, invoke
@@ -369,6 +370,13 @@ def test_below_a_moving_obstacle_it_stays():
     assert found["a", "obstacle ball"].green
     assert not found["a", "obstacles"].green
     assert "from `ball` (0.10 m needed)" in found["a", "obstacles"].reason
+
+
+def test_below_an_object_it_stays():
+    block = BLOCK._replace(at=(0.0, 0.0, 0.4))
+    found = checks(flight(), objects={"block": block})
+    assert not found["a", "obstacles"].green
+    assert "from `block` (0.10 m needed)" in found["a", "obstacles"].reason
 
 
 @pytest.mark.thorough

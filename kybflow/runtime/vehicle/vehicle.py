@@ -84,7 +84,8 @@ class Vehicle:
         moving: SeenObstacles = NO_OBSTACLES,
         objects: SeenObjects = NO_OBJECTS,
     ) -> None:
-        self.plan, self.name, self.context, self.moving = plan, plan.name, context, moving
+        self.plan, self.name, self.context = plan, plan.name, context
+        self.moving, self.objects = moving, objects
         self.score = score
         self.wanted: Setpoint | None = None
         self._observer, self._errors = observer, TrackingErrors(score)
