@@ -93,28 +93,27 @@ class Signals(Mapping[str, Array]):
         self.time: NDArray[np.float64] = messages.times / NS
         self.units = {one.name: one.unit for one in fields}
         self._arrays: dict[str, Array] = {one.name: rows[one.name] for one in fields}
-        for part in ("estimate", "setpoint", "command", "truth"):
-            self._mask(part)
+        for flag in [name for name in self._arrays if name.split(".")[-1] == "present"]:
+            self._mask(flag.removesuffix("present"), self._arrays[flag])
 
-    def _mask(self, part: str) -> None:
-        """Replace what is absent of a part of a tick by NaN, and leave out a part that never
-        is present."""
-        present = self._arrays.get(f"{part}.present")
-        if present is None:
+    def _mask(self, prefix: str, present: Array) -> None:
+        """Replace the numbers below `prefix` by NaN where they are absent. Leave out a part of a
+        message that never is present. present: a flag, or a bit for each of `_BITS`."""
+        own = [name for name in self._arrays if name.startswith(prefix)]
+        if prefix and present.dtype.kind == "b" and not present.any():
+            for name in own:
+                del self._arrays[name]
             return
-        if not present.any():
-            self._arrays = {k: v for k, v in self._arrays.items() if not k.startswith(f"{part}.")}
-            return
-        for name, values in self._arrays.items():
-            owner, _, field = name.rpartition(".")
-            if owner != part or values.dtype.kind != "f":
-                continue
-            bit = 1 << _BITS.index(field) if part == "setpoint" and field in _BITS else 1
-            if part == "setpoint" and field not in _BITS:
-                continue
-            there = (present.astype(int) & bit) > 0
-            if not there.all():
-                self._arrays[name] = np.where(_like(there, values), values, np.nan)
+        for name in own:
+            values, field = self._arrays[name], name.removeprefix(prefix)
+            there = present
+            if present.dtype.kind != "b":
+                bit = _BITS.index(field) if field in _BITS else None
+                there = np.full(len(present), True) if bit is None else (present >> bit) & 1 > 0
+            if values.dtype.kind == "f" and not there.all():
+                self._arrays[name] = np.where(
+                    there[:, None] if values.ndim > 1 else there, values, np.nan
+                )
 
     def __getitem__(self, name: str) -> Array:
         found = self._arrays.get(name)
@@ -149,10 +148,6 @@ class Signals(Mapping[str, Array]):
 
 def _tupled(kind: Any) -> tuple[Any, ...]:
     return kind if isinstance(kind, tuple) else (kind,)
-
-
-def _like(rows: NDArray[np.bool_], values: Array) -> NDArray[np.bool_]:
-    return rows[:, None] if values.ndim > 1 else rows
 
 
 def _suffix(unit: str) -> str:
