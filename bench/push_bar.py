@@ -42,7 +42,8 @@ MISSION = (ROOT / "missions" / "push_bar.yaml").read_text()
 GOAL, HELD_S = 1.0, 60.0
 BEGIN_S, PAUSE_S = 12.0, 15.0
 BROKEN_S = 0.2
-AT_BREAK_S = 18.0
+AT_BREAK = 0.3
+"""Where the car is when something breaks, m: in mid push."""
 Objects = Mapping[str, WorldObject]
 
 
@@ -69,7 +70,7 @@ def rougher(objects: Objects) -> Objects:
 
 
 def _breaks(fault: str) -> Case:
-    line = f"  - {{inject: {fault}, on: left, at: {AT_BREAK_S} s}}"
+    line = f"  - {{inject: {fault}, on: left, when: car.position > {AT_BREAK} m}}"
     return Case(breaks=line, disturbs=False)
 
 
@@ -129,7 +130,7 @@ class Watch:
         now, states = engine.seconds(), engine.true_objects.states
         q, yaw = states["car"].q, degrees(states["bar"].q)
         self._measure(engine, now, q, yaw)
-        self._contacts(engine, now)
+        self._contacts(engine, now, q)
         if self.ended:
             self.at_end = yaw if self.at_end is None else self.at_end
             if now - min(self.ended.values()) < 5.0:
@@ -146,7 +147,7 @@ class Watch:
         if self.arrived_s < 0.0 and abs(self.car) < 5.0:
             self.arrived_s = now
 
-    def _contacts(self, engine: Engine, now: float) -> None:
+    def _contacts(self, engine: Engine, now: float, q: float) -> None:
         """Count broken contacts, and take when each vehicle no longer pushes."""
         quiet = all(not -0.1 < now - time < 2.0 for time in self.disturbed)
         self.states = [vehicle.state for vehicle in engine.vehicles]
@@ -160,7 +161,7 @@ class Watch:
                 if quiet and apart >= BROKEN_S > self._apart.get(name, 0.0):
                     self.broken += 1
                 self._apart[name] = apart
-            elif now > AT_BREAK_S and name not in self.ended:
+            elif q > AT_BREAK and name not in self.ended:
                 self.ended[name] = now
 
 
