@@ -203,6 +203,13 @@ def in_order(objects: Iterable[WorldObject]) -> Iterator[WorldObject]:
         yield from ready
 
 
+def standing(objects: Iterable[WorldObject]) -> dict[str, WorldObject]:
+    """Return the objects by name; those on a circle, or on an unknown one, stand on nothing."""
+    every = list(objects)
+    well = {one.name for one in in_order(every)}
+    return {one.name: one if one.name in well else one._replace(on=None) for one in every}
+
+
 def placements(objects: Mapping[str, WorldObject], q: Mapping[str, float]) -> dict[str, Placement]:
     """Return the pose of every object from the coordinates of the joints; without one, that of the
     start."""

@@ -66,7 +66,8 @@ def stands_on_nothing(case: Case) -> Iterator[Diagnostic]:
             message = f"`{name}` is on `{one.on}`, which is no object"
             yield Diagnostic("KYB580", message, one.span_of("on"), label="unknown", help=hint)
         elif below == name:
-            message = f"`{name}` is on itself, through `{one.on}`"
+            through = "" if one.on == name else f", through `{one.on}`"
+            message = f"`{name}` is on itself{through}"
             hint = "leave `on` out of one of them"
             yield Diagnostic("KYB580", message, one.span_of("on"), help=hint)
 

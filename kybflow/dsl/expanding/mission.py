@@ -47,6 +47,7 @@ from kybflow.dsl.reading.values import decode_value
 from kybflow.dsl.resolving.exports import chain_of, stack_of
 from kybflow.dsl.resolving.resolve import Resolved
 from kybflow.parts.action import BUILT_IN
+from kybflow.world.objects import standing
 
 if TYPE_CHECKING:
     from kybflow.parts.catalog import Catalog
@@ -92,7 +93,7 @@ def mission_of(
         fence=world.box, expectations=(), sources=(), resolved="",
         obstacles={o.name: o.shape for o in world.obstacles if o.shape is not None},
         moving={o.name: ball for o in world.obstacles if (ball := o.moving_sphere) is not None},
-        objects={o.name: o.made for o in world.objects},
+        objects=standing(o.made for o in world.objects),
         touchable=frozenset(o.name for o in world.obstacles if o.may_touch),
         points=world.points, target_text=chosen.name,
         values=with_coordinates(resolved.parameters, world.points),
