@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
+from itertools import zip_longest
 from pathlib import PurePath
 from typing import Any, NamedTuple
+
+import yaml
 
 from kybflow.api.runs import Run
 from kybflow.core.files import read_all
 from kybflow.core.signals import NS, Event
 from kybflow.core.units import format_measured
-from kybflow.dsl.reading.reader import PROVENANCE, RESOLVED
+from kybflow.dsl.reading.reader import RESOLVED
 
 
 class ComparedRow(NamedTuple):
@@ -60,7 +63,7 @@ def _run(run: Run) -> Iterator[tuple[str, str]]:
 
 
 def _code(run: Run) -> Iterator[tuple[str, str]]:
-    provenance = _provenance(run)
+    provenance = run.provenance
     yield from ((name, str(value)) for name, value in provenance.get("versions", {}).items())
     for file in (*provenance.get("sources", ()), *provenance.get("parts", ())):
         yield PurePath(file["path"]).name, file["sha256"][:12]
@@ -68,11 +71,9 @@ def _code(run: Run) -> Iterator[tuple[str, str]]:
 
 def _parameters(run: Run) -> Iterator[tuple[str, str]]:
     """Yield every value of the mission after imports, parameters and defaults, by its place."""
-    provenance = _provenance(run)
+    provenance = run.provenance
     for key in ("set", "option", "emit"):
         yield f"--{key}", ", ".join(provenance.get(key, ()))
-    import yaml
-
     yield from _flat("", yaml.safe_load(read_all(run.folder / RESOLVED)))
 
 
@@ -111,22 +112,13 @@ def _first_difference(first: Run, other: Run) -> str | None:
     def fact(event: Event) -> tuple[Any, ...]:
         return (event.time, event.name, event.vehicle, json.dumps(event.fields, sort_keys=True))
 
-    for ours, theirs in zip(first.events, other.events, strict=False):
-        if fact(ours) != fact(theirs):
-            return _shown(theirs)
-    if len(first.events) == len(other.events):
-        return None
-    longer = max(first.events, other.events, key=len)
-    return _shown(longer[min(len(first.events), len(other.events))])
+    for ours, theirs in zip_longest(first.events, other.events):
+        if ours is None or theirs is None or fact(ours) != fact(theirs):
+            return _shown(theirs or ours)
+    return None
 
 
 def _shown(event: Event) -> str:
     of = f" {event.vehicle}" if event.vehicle else ""
     behavior = event.fields.get("behavior")
     return f"{event.time / NS:.2f} s:{of} {event.name}{f' {behavior}' if behavior else ''}"
-
-
-def _provenance(run: Run) -> dict[str, Any]:
-    path = run.folder / PROVENANCE
-    found: dict[str, Any] = json.loads(read_all(path)) if path.exists() else {}
-    return found

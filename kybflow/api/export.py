@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Iterator, Mapping
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kybflow.api.runs import WAY_OUT, LibraryMissing, RecordedVehicle, Run
+from kybflow.api.runs import RecordedVehicle, Run, imported
 from kybflow.core.errors import KybflowError
 from kybflow.core.geometry import from_heading, rotate_back
 
@@ -45,11 +44,10 @@ def export(run: Run, format: str, out: Path) -> list[Path]:
 
 def _write_tables(run: Run, format: str, out: Path) -> Iterator[Path]:
     write = WRITERS[format]
-    for name in run.vehicles:
-        vehicle = run.vehicle(name)
-        tables: dict[str, Columns] = {name: vehicle.columns()}
+    for vehicle in run.each():
+        tables: dict[str, Columns] = {vehicle.name: vehicle.columns()}
         for sensor in vehicle.sensors:
-            tables[f"{name}.{sensor.replace('/', '.')}"] = vehicle.sensor(sensor).columns()
+            tables[f"{vehicle.name}.{sensor.replace('/', '.')}"] = vehicle.sensor(sensor).columns()
         for stem, columns in tables.items():
             path = out / f"{stem}.{format}"
             write(path, columns)
@@ -69,7 +67,7 @@ def _write_npz(path: Path, columns: Columns) -> None:
 
 
 def _write_parquet(path: Path, columns: Columns) -> None:
-    _library("polars").DataFrame(dict(columns)).write_parquet(path)
+    imported("Parquet", "polars").DataFrame(dict(columns)).write_parquet(path)
 
 
 WRITERS: dict[str, Callable[[Path, Columns], None]] = {
@@ -78,18 +76,19 @@ WRITERS: dict[str, Callable[[Path, Columns], None]] = {
 
 
 def _write_bag(run: Run, out: Path) -> Path:
-    rosbag2, stores = _library("rosbags.rosbag2"), _library("rosbags.typesys")
+    rosbag2, stores = imported("rosbag2", "rosbags.rosbag2"), imported("rosbag2", "rosbags.typesys")
     if out.exists():
         raise FileExistsError
     store = stores.get_typestore(stores.Stores.ROS2_HUMBLE)
     with rosbag2.Writer(out, version=9) as writer:
-        for name in run.vehicles:
-            vehicle = run.vehicle(name)
+        for vehicle in run.each():
             for topic, kind, messages in (
                 ("odom", "nav_msgs/msg/Odometry", _odometry(vehicle, store.types)),
                 ("setpoint", "geometry_msgs/msg/PoseStamped", _setpoints(vehicle, store.types)),
             ):
-                connection = writer.add_connection(f"/{name}/{topic}", kind, typestore=store)
+                connection = writer.add_connection(
+                    f"/{vehicle.name}/{topic}", kind, typestore=store
+                )
                 for time, message in messages:
                     writer.write(connection, time, store.serialize_cdr(message, kind))
     return out
@@ -149,11 +148,3 @@ def _pose(types: Any, position: Any, attitude: Any) -> Any:
         types["geometry_msgs/msg/Point"](*position),
         types["geometry_msgs/msg/Quaternion"](x, y, z, w),
     )
-
-
-def _library(name: str) -> Any:
-    try:
-        return import_module(name)
-    except ImportError:
-        package = name.partition(".")[0]
-        raise LibraryMissing(f"this format needs {package}: {WAY_OUT}") from None

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
-from hashlib import sha256
 from math import hypot
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,7 +25,7 @@ from kybflow.core.errors import DriverError, PartFailed, described
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Event, Time
 from kybflow.dsl import expressions as ex
-from kybflow.dsl.plan import ExpectationPlan, Plan
+from kybflow.dsl.plan import ExpectationPlan, Plan, SourceFile
 from kybflow.parts.events import (
     CommandGiven,
     CommandsFailed,
@@ -83,7 +82,7 @@ class RunRequest:
     again: tuple[RecordedCommand, ...] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
     skips_rehearsal: bool = False
-    parts: tuple[Path, ...] = ()
+    parts: tuple[SourceFile, ...] = ()
 
     def record(self) -> dict[str, Any]:
         """Return the request for `provenance.json`, with options as on the command line."""
@@ -93,9 +92,7 @@ class RunRequest:
             "set": [*self.sets],
             "option": [f"{name}={value}" for name, value in self.options],
             "emit": [f"{name}@{seconds!r}s" for seconds, name in self.emitted],
-            "parts": [
-                {"path": str(p), "sha256": sha256(p.read_bytes()).hexdigest()} for p in self.parts
-            ],
+            "parts": [{"path": part.path, "sha256": part.sha256} for part in self.parts],
         }
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import overload
 
 from kybflow.api.validation import findings
 from kybflow.core.errors import KybflowError
@@ -31,7 +32,11 @@ class Findings(Sequence[Diagnostic]):
     def valid(self) -> bool:
         return not has_errors(self._found)
 
-    def __getitem__(self, index):  # type: ignore[no-untyped-def]
+    @overload
+    def __getitem__(self, index: int) -> Diagnostic: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Diagnostic, ...]: ...
+    def __getitem__(self, index: int | slice) -> Diagnostic | tuple[Diagnostic, ...]:
         return self._found[index]
 
     def __len__(self) -> int:

@@ -7,7 +7,7 @@ as far as it is written. Arrays have one row for each tick, at the control rate.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cached_property
 from html import escape
@@ -30,11 +30,20 @@ from kybflow.recording.run_folder import EVENTS, LOG, SUMMARY, RunFolderError, w
 from kybflow.recording.signals import Signals, SignalUnknown
 
 Vectors = NDArray[np.float64]
-WAY_OUT = "pip install 'kybflow[analysis]'"
 
 
 class LibraryMissing(KybflowError):
     """A library for data isn't installed; the message says how to install it."""
+
+
+def imported(what: str, *names: str) -> Any:
+    """Return the first of these modules that is installed. what: what needs it. Raises
+    LibraryMissing."""
+    for name in names:
+        with suppress(ImportError):
+            return import_module(name)
+    packages = " or ".join(name.partition(".")[0] for name in names)
+    raise LibraryMissing(f"{what} needs {packages}: pip install 'kybflow[analysis]'")
 
 
 class RecordedVehicle(Signals):
@@ -82,7 +91,7 @@ class RecordedVehicle(Signals):
         aloft = [name for name, facts in self._states.items() if facts["aloft"]]
         return np.where(np.isin(self.state, aloft), gap, np.nan)
 
-    @property
+    @cached_property
     def state(self) -> NDArray[Any]:
         """The state, such as `hover`, in each tick, shape (n,), of objects."""
         names, starts = ["landed"], [-1.0]
@@ -110,10 +119,9 @@ class RecordedVehicle(Signals):
         return Signals(self._recording[f"/{self.name}/{name}"])
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        time, *others = super().columns().items()
-        return dict([time, ("vehicle", np.full(len(self.time), self.name, object))]) | {
-            "state": self.state, **dict(others)
-        }  # fmt: skip
+        columns, names = super().columns(), np.full(len(self.time), self.name, object)
+        time = columns.pop("time_s")
+        return {"time_s": time, "vehicle": names, "state": self.state, **columns}
 
 
 class Run:
@@ -165,8 +173,14 @@ class Run:
     @cached_property
     def findings(self) -> Findings:
         """What validating the mission that was flown finds now."""
-        provenance = json.loads(read_all(self.folder / PROVENANCE))
-        return validate(self.folder / RESOLVED, target=provenance.get("target"))
+        return validate(self.folder / RESOLVED, target=self.provenance.get("target"))
+
+    @cached_property
+    def provenance(self) -> dict[str, Any]:
+        """The content of `provenance.json`; empty without it."""
+        path = self.folder / PROVENANCE
+        found: dict[str, Any] = json.loads(read_all(path)) if path.exists() else {}
+        return found
 
     @property
     def vehicles(self) -> tuple[str, ...]:
@@ -179,17 +193,27 @@ class Run:
         if name not in self.vehicles:
             known = did_you_mean(name, self.vehicles)
             raise SignalUnknown(f"`{self.folder.name}` has no vehicle `{name}`; {known}")
-        if name not in self._vehicles:
+        [vehicle] = self._read([name])
+        return vehicle
+
+    def each(self) -> list[RecordedVehicle]:
+        """Return the recorded signals of every vehicle; the recording is read once. Raises
+        RunFolderError."""
+        return self._read(self.vehicles)
+
+    def _read(self, names: Sequence[str]) -> list[RecordedVehicle]:
+        new = [name for name in names if name not in self._vehicles]
+        if new:
+            prefixes = tuple(f"/{name}/" for name in new)
             with _readable(self.folder):
-                prefix = f"/{name}/"
-                log = read_recording(self.folder / LOG, lambda topic: topic.startswith(prefix))
-            self._vehicles[name] = RecordedVehicle(name, log, self.events)
-        return self._vehicles[name]
+                log = read_recording(self.folder / LOG, lambda topic: topic.startswith(prefixes))
+            self._vehicles |= {name: RecordedVehicle(name, log, self.events) for name in new}
+        return [self._vehicles[name] for name in names]
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Return the ticks of all vehicles, one after the other, as columns of single numbers; a
         signal that a vehicle doesn't have is NaN. Names end with the unit."""
-        each = [self.vehicle(name).columns() for name in self.vehicles]
+        each = [vehicle.columns() for vehicle in self.each()]
         names = dict.fromkeys(name for columns in each for name in columns)
         return {
             name: np.concatenate([c[name] if name in c else _nothing(c["time_s"]) for c in each])
@@ -199,10 +223,8 @@ class Run:
     def frame(self, library: Literal["pandas", "polars"] | None = None) -> Any:
         """Return `columns()` as a data frame of pandas or, if that isn't installed, of polars.
         Raises LibraryMissing."""
-        for name in ("pandas", "polars") if library is None else (library,):
-            with suppress(ImportError):
-                return import_module(name).DataFrame(self.columns())
-        raise LibraryMissing(f"a data frame needs {library or 'pandas or polars'}: {WAY_OUT}")
+        names = ("pandas", "polars") if library is None else (library,)
+        return imported("a data frame", *names).DataFrame(self.columns())
 
     def __repr__(self) -> str:
         seed = f", seed {self.summary['seed']}" if self.summary else ""

@@ -47,12 +47,13 @@ if TYPE_CHECKING:
 class Result:
     """The result of a compilation. plan: None if there are errors. diagnostics: the findings in
     order. texts: the text of every file, by name. parameters: the mission parameters used for the
-    plan."""
+    plan. parts: the files of parts that the catalog was given."""
 
     plan: Plan | None
     diagnostics: tuple[Diagnostic, ...]
     texts: dict[str, str] = field(default_factory=dict)
     parameters: dict[str, Parameter] = field(default_factory=dict)
+    parts: tuple[SourceFile, ...] = ()
 
     @property
     def valid(self) -> bool:
@@ -69,7 +70,8 @@ def compile_mission(
         return result
     sources = tuple(SourceFile(s.file, s.sha256) for s in files.sources.values())
     plan = bind(plan, catalog, sources, to_yaml(plan))
-    return replace(result, plan=plan, parameters=plan.values)
+    parts = tuple(SourceFile(str(file), digest) for file, digest in catalog.files)
+    return replace(result, plan=plan, parameters=plan.values, parts=parts)
 
 
 def check_mission(

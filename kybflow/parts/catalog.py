@@ -70,9 +70,13 @@ class PartSpec:
 
 
 class Catalog:
-    """The available parts, by kind and name."""
+    """The available parts, by kind and name. files: those that were named, with the SHA-256 of
+    what was imported."""
 
-    def __init__(self, modules: dict[str, dict[str, str]]) -> None:
+    def __init__(
+        self, modules: dict[str, dict[str, str]], files: tuple[tuple[Path, str], ...] = ()
+    ) -> None:
+        self.files = files
         self._modules = modules
         self._names = {kind: tuple(sorted(names)) for kind, names in modules.items()}
         self._specs: dict[tuple[str, str], PartSpec] = {}
@@ -131,7 +135,7 @@ def _catalog(files: tuple[tuple[Path, str], ...]) -> Catalog:
     for file, digest in files:
         kind, module = _imported(file, digest)
         _offer(modules[kind], kind, file.stem, module)
-    return Catalog(modules)
+    return Catalog(modules, files)
 
 
 def _digest(file: Path) -> str:

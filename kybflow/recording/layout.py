@@ -176,7 +176,7 @@ _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
     ),
 }
 
-_PLAIN = {
+PLAIN = {
     "float64": ("d", "<f8"),
     "float32": ("f", "<f4"),
     "int64": ("q", "<i8"),
@@ -184,6 +184,7 @@ _PLAIN = {
     "bool": ("B", "?"),
     f"float64[{SWITCHES}]": (f"{SWITCHES}d", f"({SWITCHES},)<f8"),
 }
+"""The `struct` format and the NumPy type of each plain type."""
 
 _ARRAYS = {
     "Vector": ("<f8", (3,)),
@@ -443,8 +444,8 @@ def dtype_spec(message: str | MeasurementKind) -> list[Any]:
     """Return the argument of `numpy.dtype` for a message. Vectors and quaternions become arrays."""
     spec: list[Any] = []
     for kind, name, _ in _fields_of(message):
-        if kind in _PLAIN:
-            spec.append((name, _PLAIN[kind][1]))
+        if kind in PLAIN:
+            spec.append((name, PLAIN[kind][1]))
         elif kind in _ARRAYS:
             spec.append((name, *_ARRAYS[kind]))
         else:
@@ -462,7 +463,7 @@ def _text(fields: tuple[_Field, ...]) -> str:
 def _parts(fields: tuple[_Field, ...]) -> list[str]:
     found: list[str] = []
     for kind, _, _ in fields:
-        for name in [] if kind in _PLAIN else [kind, *_parts(_MESSAGES[kind])]:
+        for name in [] if kind in PLAIN else [kind, *_parts(_MESSAGES[kind])]:
             if name not in found:
                 found.append(name)
     return found
@@ -470,5 +471,5 @@ def _parts(fields: tuple[_Field, ...]) -> list[str]:
 
 def _codes(fields: tuple[_Field, ...]) -> str:
     return "".join(
-        _PLAIN[kind][0] if kind in _PLAIN else _codes(_MESSAGES[kind]) for kind, _, _ in fields
+        PLAIN[kind][0] if kind in PLAIN else _codes(_MESSAGES[kind]) for kind, _, _ in fields
     )

@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 from kybflow.core.errors import KybflowError
 from kybflow.core.signals import NS
 from kybflow.core.text import did_you_mean
+from kybflow.recording.layout import PLAIN
 from kybflow.recording.messages import Messages
 
 Array = NDArray[Any]
-_PLAIN = {"float64": "<f8", "float32": "<f4", "int64": "<i8", "uint8": "u1", "bool": "?"}
-_PLAIN_ARRAY = re.compile(r"(\w+)\[(\d+)\]")
 _UNIT = re.compile(r"(m/s\^3|m/s\^2|m/s|rad/s|rad|m|s|ns|N m|N|kg|V|Hz|%)(?=[ ,;:.(]|$)")
 _AXES = ("x", "y", "z"), ("w", "x", "y", "z")
 _BITS = ("position", "velocity", "acceleration", "jerk", "heading")
@@ -63,11 +62,8 @@ def _fields(text: str, texts: Mapping[str, str], prefix: str) -> Iterator[Record
 
 
 def _field(name: str, kind: str, unit: str, texts: Mapping[str, str]) -> Iterator[RecordedField]:
-    several = _PLAIN_ARRAY.fullmatch(kind)
-    if kind in _PLAIN:
-        yield RecordedField(name, unit, _PLAIN[kind])
-    elif several and several[1] in _PLAIN:
-        yield RecordedField(name, unit, (_PLAIN[several[1]], (int(several[2]),)))
+    if kind in PLAIN:
+        yield RecordedField(name, unit, PLAIN[kind][1])
     elif kind not in texts:
         raise ValueError(f"the recording doesn't define `{kind}`")
     else:
