@@ -73,6 +73,8 @@ class Catalog:
     """The available parts, by kind and name. files: those that were named, with the SHA-256 of
     what was imported."""
 
+    files: tuple[tuple[Path, str], ...] = ()
+
     def __init__(
         self, modules: dict[str, dict[str, str]], files: tuple[tuple[Path, str], ...] = ()
     ) -> None:
