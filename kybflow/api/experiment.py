@@ -67,7 +67,7 @@ def run(
         if not rehearsal.is_clean:
             raise MissionInvalid(Findings(rehearsal.diagnostics, result.texts))
     folder = None if out is None else Path(out)
-    request = RunRequest(seed, folder, speed, changes, tuple(emit), sets, parts=result.parts)
+    request = RunRequest(seed, folder, speed, changes, tuple(emit), sets)
     listeners = [] if on_event is None else [on_event]
     servers = []
     if commands:

@@ -25,7 +25,7 @@ from kybflow.core.errors import DriverError, PartFailed, described
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import NS, Event, Time
 from kybflow.dsl import expressions as ex
-from kybflow.dsl.plan import ExpectationPlan, Plan, SourceFile
+from kybflow.dsl.plan import ExpectationPlan, Plan
 from kybflow.parts.events import (
     CommandGiven,
     CommandsFailed,
@@ -69,8 +69,7 @@ class RunRequest:
     `NAME=VALUE` arguments with which the plan was compiled, for `provenance.json` only. again: the
     commands of an earlier run, to repeat in the same ticks. inputs: the recorded table of each
     input that replaces its device. skips_rehearsal: whether hardware flies without a rehearsal; the
-    run then emits an event that says so. parts: the files of parts with which the plan was
-    compiled, for `provenance.json` only.
+    run then emits an event that says so.
     """
 
     seed: int = 0
@@ -82,7 +81,6 @@ class RunRequest:
     again: tuple[RecordedCommand, ...] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
     skips_rehearsal: bool = False
-    parts: tuple[SourceFile, ...] = ()
 
     def record(self) -> dict[str, Any]:
         """Return the request for `provenance.json`, with options as on the command line."""
@@ -92,7 +90,6 @@ class RunRequest:
             "set": [*self.sets],
             "option": [f"{name}={value}" for name, value in self.options],
             "emit": [f"{name}@{seconds!r}s" for seconds, name in self.emitted],
-            "parts": [{"path": part.path, "sha256": part.sha256} for part in self.parts],
         }
 
 

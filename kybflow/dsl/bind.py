@@ -76,6 +76,7 @@ def bind(plan: Plan, catalog: Catalog, sources: tuple[SourceFile, ...], resolved
             for text in plan.texts_of("expect")
         ),
         sources=(*sources, *attachments_of(plan)),
+        part_files=tuple(SourceFile(str(file), digest) for file, digest in catalog.files),
         resolved=resolved,
         watching={
             name: (seen[0].name, seen[1].but(params=seen[2], label=f"tracked.{name}"))

@@ -47,13 +47,12 @@ if TYPE_CHECKING:
 class Result:
     """The result of a compilation. plan: None if there are errors. diagnostics: the findings in
     order. texts: the text of every file, by name. parameters: the mission parameters used for the
-    plan. parts: the files of parts that the catalog was given."""
+    plan."""
 
     plan: Plan | None
     diagnostics: tuple[Diagnostic, ...]
     texts: dict[str, str] = field(default_factory=dict)
     parameters: dict[str, Parameter] = field(default_factory=dict)
-    parts: tuple[SourceFile, ...] = ()
 
     @property
     def valid(self) -> bool:
@@ -70,8 +69,7 @@ def compile_mission(
         return result
     sources = tuple(SourceFile(s.file, s.sha256) for s in files.sources.values())
     plan = bind(plan, catalog, sources, to_yaml(plan))
-    parts = tuple(SourceFile(str(file), digest) for file, digest in catalog.files)
-    return replace(result, plan=plan, parameters=plan.values, parts=parts)
+    return replace(result, plan=plan, parameters=plan.values)
 
 
 def check_mission(

@@ -953,6 +953,8 @@ class Plan(Shared):
     tags: TagMap = NO_TAGS
     files: tuple[File, ...] = ()
     """The files that parameters name, as they are written in `resolved`."""
+    part_files: tuple[SourceFile, ...] = ()
+    """The files of parts with which it was compiled."""
     values: dict[str, Parameter] = field(default_factory=dict)
     """The values of the mission's parameters."""
     target_text: Text | None = field(default=None, compare=False, repr=False)

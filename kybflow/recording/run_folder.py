@@ -16,6 +16,7 @@ import re
 from codecs import BOM_UTF8
 from collections.abc import Container, Iterable, Mapping
 from contextlib import suppress
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, distribution
 from io import FileIO
 from pathlib import Path, PurePath
@@ -299,7 +300,8 @@ def provenance(
         "target": plan.target,
         **request,
         "started": started.isoformat(timespec="seconds"),
-        "sources": [{"path": source.path, "sha256": source.sha256} for source in plan.sources],
+        "sources": [asdict(source) for source in plan.sources],
+        "parts": [asdict(file) for file in plan.part_files],
         FLOWN_FROM: [*files],
         "versions": {"python": platform.python_version(), **_versions((*_PACKAGES, *packages))},
         "machine": {

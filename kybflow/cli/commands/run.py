@@ -93,7 +93,7 @@ def command(
         _rehearse(plan, result, emits, options)
     pace = 1.0 if live and speed is None else speed
     asked_for = (tuple(options), tuple(emits), tuple(sets))
-    request = RunRequest(seed, out, pace, *asked_for, given, inputs, skips, result.parts)
+    request = RunRequest(seed, out, pace, *asked_for, given, inputs, skips)
     raise Exit(fly_plan(plan, request, live=live, plain=plain, report=report, serves=commands))
 
 
