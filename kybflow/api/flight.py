@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from math import hypot
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kybflow.api.opening import (
     Devices,
@@ -37,6 +37,7 @@ from kybflow.recording.outcome import EXIT_CODES, Ending, summarise
 from kybflow.recording.pictures import Pictures
 from kybflow.recording.recorder import Recorder
 from kybflow.recording.run_folder import create_run_folder
+from kybflow.runtime.clock import Clock
 from kybflow.runtime.commanding.command_queue import CommandQueue, RecordedCommand
 from kybflow.runtime.commanding.legal import check_emitted
 from kybflow.runtime.commanding.orders import SCHEDULE
@@ -50,6 +51,9 @@ from kybflow.runtime.scores import Score
 from kybflow.runtime.vehicle.vehicle import Vehicle
 from kybflow.world.ground import STAND_HEIGHT, height_above_ground
 from kybflow.world.vehicle_context import LEGS
+
+if TYPE_CHECKING:
+    from kybflow.api.replay.tape import Tape
 
 Server = Callable[[CommandQueue, Path], AbstractContextManager[object]]
 """Returns a context manager that accepts commands for the run in the given folder."""
@@ -69,7 +73,7 @@ class RunRequest:
     `NAME=VALUE` arguments with which the plan was compiled, for `provenance.json` only. again: the
     commands of an earlier run, to repeat in the same ticks. inputs: the recorded table of each
     input that replaces its device. skips_rehearsal: whether hardware flies without a rehearsal; the
-    run then emits an event that says so.
+    run then emits an event that says so. tape: a record whose measurements replace the devices.
     """
 
     seed: int = 0
@@ -81,6 +85,7 @@ class RunRequest:
     again: tuple[RecordedCommand, ...] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
     skips_rehearsal: bool = False
+    tape: Tape | None = None
 
     def record(self) -> dict[str, Any]:
         """Return the request for `provenance.json`, with options as on the command line."""
@@ -135,7 +140,7 @@ def fly(
             watching.append(lambda e: recorder.obstacles(e.clock.now, e.moving.seen))
         if plan.objects:
             watching.append(
-                lambda e: recorder.objects(
+                lambda e: recorder.shown_objects(
                     e.clock.now,
                     e.true_objects.states if e.true_objects.is_known else {},
                     e.objects.seen,
@@ -304,9 +309,14 @@ class _Run:
         devices: Devices | None = None
         try:
             again = self._request.inputs
-            pace = pace_of(self._plan, self._request.speed, again)
-            devices = open_devices(self._plan, self._request.seed, again)
-            self._reason = self._flown(devices, pace, observers)
+            tape = self._request.tape
+            if tape is None:
+                clock = clock_for(self._plan, pace_of(self._plan, self._request.speed, again))
+                devices = open_devices(self._plan, self._request.seed, again)
+            else:
+                clock = tape.clock(self._plan)
+                devices = tape.devices(self._plan, self._events, again)
+            self._reason = self._flown(devices, clock, observers)
         except DriverError as error:
             self._driver_failed = str(error)
         except PartFailed as failure:
@@ -326,13 +336,12 @@ class _Run:
             self._events.turn(engine.clock.now)
         self._events.emit(RunEnded(reason=self._reason or self._driver_failed))
 
-    def _flown(
-        self, devices: Devices, pace: float | None, observers: Sequence[Observer]
-    ) -> str | None:
-        plan, request, clock = self._plan, self._request, clock_for(self._plan, pace)
+    def _flown(self, devices: Devices, clock: Clock, observers: Sequence[Observer]) -> str | None:
+        plan, request = self._plan, self._request
         engine = self._engine = assemble(
             plan, devices, self._events, clock, self._score,
-            vehicle_observer=self._record.recorder.vehicle, observers=observers, seed=request.seed,
+            vehicle_observer=self._record.recorder.vehicle, world_observer=self._record.recorder,
+            observers=observers, seed=request.seed,
             commands=self._commands, judge=PlanEntryJudge(plan), note=self._record.folder.input,
             options=request.options, interrupts=self.interrupts,
         )  # fmt: skip

@@ -30,7 +30,7 @@ from kybflow.parts.true_objects import TrueObjects
 from kybflow.runtime.clock import Clock, SimulatedClock, WallClock
 from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.engine import Engine, Observer
-from kybflow.runtime.events import Events, VehicleObserver
+from kybflow.runtime.events import Events, VehicleObserver, WorldObserver
 from kybflow.runtime.fleet.broadcasts import Broadcasts
 from kybflow.runtime.fleet.inputs import Inputs, NoteInput, unnoted
 from kybflow.runtime.fleet.moving_obstacles import moving_obstacles
@@ -159,7 +159,7 @@ def open_devices(plan: Plan, seed: int, again: Mapping[str, str] = NOTHING) -> D
             stream = BodyStream(truth, opens, faults) if is_simulated else opens(links[tracked])
             devices.watching[name] = stream
         for plan_input in plan.inputs:
-            devices.inputs[plan_input.name] = _input(plan_input, devices, again)
+            devices.inputs[plan_input.name] = open_input(plan_input, devices, again)
     except BaseException:
         devices.close()
         raise
@@ -174,7 +174,9 @@ def _stream(part: PartPlan, context: VehicleContext, own: random.Random, link: L
     return stream
 
 
-def _input(plan: InputPlan, devices: Devices, again: Mapping[str, str]) -> InputLink:
+def open_input(plan: InputPlan, devices: Devices, again: Mapping[str, str]) -> InputLink:
+    """Open an input, or its recorded table in `again`. Raises DriverError."""
+
     def sticks_of(vehicle: str) -> Sticks | None:
         return devices.vehicles[vehicle].knowledge.sticks if devices.vehicles else None
 
@@ -218,6 +220,7 @@ def assemble(
     score: Score,
     *,
     vehicle_observer: Callable[[str], VehicleObserver] = lambda _: VehicleObserver(),
+    world_observer: WorldObserver | None = None,
     observers: Sequence[Observer] = (),
     seed: int = 0,
     commands: CommandQueue | None = None,
@@ -228,7 +231,8 @@ def assemble(
 ) -> Engine:
     """Build the engine that flies, inspects or rehearses `plan` with the open devices.
 
-    vehicle_observer: returns the observer of the vehicle with the given name. judge: checks the
+    vehicle_observer: returns the observer of the vehicle with the given name. world_observer: that
+    of moving obstacles and objects. judge: checks the
     values given with a request for a state. note: receives the readings of the inputs. options:
     parameters of parts to change, as (name, value). interrupts: the number of signals received so
     far. Raises PartFailed if a part can't be made, OptionRefused for an option that can't be
@@ -238,8 +242,8 @@ def assemble(
     inputs = Inputs(plan.inputs, devices.inputs, events, note)
     behaviors = {state.behavior.cls for v in plan.vehicles for state in v.states.values()}
     broadcasts = Broadcasts() if any(cls.hears for cls in behaviors) else None
-    moving = moving_obstacles(plan.moving, events, devices.watching)
-    objects = tracked_objects(plan.objects, events, devices.watching)
+    moving = moving_obstacles(plan.moving, events, devices.watching, world_observer)
+    objects = tracked_objects(plan.objects, events, devices.watching, world_observer)
     settable = Options(devices.vehicles, events, OptionJudge(plan))
     for vehicle in plan.vehicles:
         name, context = vehicle.name, context_of(plan, vehicle)
@@ -250,7 +254,7 @@ def assemble(
         )  # fmt: skip
     engine = Engine(
         plan, clock, devices.sessions, [*devices.vehicles.values()], events, settable, inputs,
-        moving, objects, observers, seed, commands, interrupts,
+        moving, objects, observers, seed, commands, interrupts, world_observer,
     )  # fmt: skip
     for option, value in options:
         settable.set(option, value, "command line")

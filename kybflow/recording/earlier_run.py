@@ -4,7 +4,7 @@ inputs."""
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,15 +21,16 @@ from kybflow.runtime.commanding.orders import SCHEDULE
 class EarlierRun(NamedTuple):
     """The settings and inputs of an earlier run.
 
-    sets, options, emits: as on the command line. commands: in order of arrival, without those
+    sets: as on the command line. options: changed options, as (name, value). emits: scheduled
+    events, as (seconds, name). commands: in order of arrival, without those
     scheduled before the run. inputs: the recorded table of each input.
     """
 
     target: str
     seed: int
     sets: tuple[str, ...]
-    options: tuple[str, ...]
-    emits: tuple[str, ...]
+    options: tuple[tuple[str, str], ...]
+    emits: tuple[tuple[float, str], ...]
     commands: tuple[RecordedCommand, ...]
     inputs: dict[str, str]
 
@@ -51,8 +52,11 @@ def read_earlier_run(folder: Path) -> EarlierRun:
             target=asked["target"],
             seed=asked["seed"],
             sets=tuple(asked["set"]),
-            options=tuple(asked["option"]),
-            emits=tuple(asked["emit"]),
+            options=tuple((name, value) for name, _, value in _parted(asked["option"], "=")),
+            emits=tuple(
+                (float(time.removesuffix("s")), name)
+                for name, _, time in _parted(asked["emit"], "@")
+            ),
             commands=commands,
             inputs=dict(_tables(folder / INPUTS)),
         )
@@ -62,6 +66,10 @@ def read_earlier_run(folder: Path) -> EarlierRun:
     except (ValueError, LookupError, TypeError, AttributeError) as error:
         reason = f"`{PROVENANCE}` or `{EVENTS}` is damaged"
         raise RunFolderError(f"`{folder}` can't be repeated: {reason}") from error
+
+
+def _parted(texts: Iterable[str], sign: str) -> Iterator[tuple[str, str, str]]:
+    return (text.rpartition(sign) if sign == "@" else text.partition(sign) for text in texts)
 
 
 def _tables(folder: Path) -> Iterator[tuple[str, str]]:

@@ -8,9 +8,9 @@ messages as their little-endian bytes in order, without padding (https://wiki.ro
 from __future__ import annotations
 
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
-from itertools import chain
+from itertools import chain, islice
 from operator import itemgetter
 from struct import Struct
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
@@ -48,6 +48,7 @@ PACKAGE = "kybflow"
 EVENTS_TOPIC = "/events"
 OBSTACLES_TOPIC = "/obstacles"
 OBJECTS_TOPIC = "/objects"
+CONTACTS_TOPIC = "/contacts"
 METADATA = "kybflow"
 
 RATE = 50
@@ -85,6 +86,13 @@ OBSTACLES_SCHEMA = {
             "radius": {"type": "number"},
         },
     },
+}
+
+ANSWER_SCHEMA = {"title": f"{PACKAGE}/Answer", "type": "object"}
+CONTACTS_SCHEMA = {
+    "title": f"{PACKAGE}/Contacts",
+    "type": "object",
+    "additionalProperties": {"type": "number"},
 }
 
 _STATE = {
@@ -164,6 +172,15 @@ _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("Setpoint", "setpoint", "what was followed; if not what was asked for, see /NAME/wanted"),
         ("Command", "command", "what the driver was given"),
         ("Truth", "truth", "what the simulator knows"),
+    ),
+    "Heard": (),
+    "Object": (
+        ("Vector", "position", "m, world"),
+        ("Quaternion", "attitude", ""),
+        ("Vector", "velocity", "m/s, world"),
+        ("float64", "q", "coordinate of its joint: m, or rad"),
+        ("float64", "speed", "m/s or rad/s"),
+        ("Vector", "turning", "rad/s, world"),
     ),
     "Candidate": (
         ("bool", "present", "false: it has no estimate, and the rest is that of none"),
@@ -344,24 +361,35 @@ class MeasurementLayout:
     """The message of one kind of measurement, derived from the annotations of its class
     (`kybflow.core.signals.Measurement`).
 
-    message, fields: the message's name and fields. packed: encodes a measurement. Raises TypeError
-    for a field that can't be recorded.
+    message, fields: the message's name and fields. packed: encodes a measurement. kind: the class
+    of the measurement. Raises TypeError for a field that can't be recorded.
     """
 
     def __init__(self, kind: MeasurementKind) -> None:
+        self.kind: Any = kind
         self.message, self._topic = kind.__name__, kind_name(kind)
         self.fields: tuple[_Field, ...] = ()
         self._keys: list[int] = []
         pieces: list[_Piece] = []
+        self._readers: list[_Reader] = []
         for index, (name, hint) in enumerate(get_type_hints(kind, include_extras=True).items()):
             plain, *notes = get_args(hint) if get_origin(hint) is Annotated else (hint,)
             if plain is str:
                 self._keys.append(index)
-            elif plain is not Any:
-                fields, piece = _recorded(name, plain, notes[-1] if notes else "", index)
+            reader: _Reader = _nothing
+            if plain is not str and plain is not Any:
+                fields, piece, reader = _recorded(name, plain, notes[-1] if notes else "", index)
                 self.fields += fields
                 pieces.append(piece)
-        self.packed = _packed(Struct("<" + _codes(self.fields)), pieces, index + 1)
+            self._readers.append(reader)
+        self._struct = Struct("<" + _codes(self.fields))
+        self.packed = _packed(self._struct, pieces, index + 1)
+
+    def unpacked(self, content: bytes | bytearray) -> Iterator[Any]:
+        """Decode measurements, one after the other; fields that aren't recorded are None."""
+        for numbers in self._struct.iter_unpack(content):
+            left = iter(numbers)
+            yield self.kind(*(read(left) for read in self._readers))
 
     def topic(self, measurement: Any) -> str:
         """Return the topic relative to the vehicle's; for frames it contains the camera."""
@@ -375,9 +403,36 @@ class MeasurementLayout:
 _Field = tuple[str, str, str]
 _Piece = int | slice | Callable[[Any], tuple[float, ...]]
 """How to take the numbers of a field from a measurement: an index, a slice or a function."""
+_Reader = Callable[[Iterator[Any]], Any]
+"""Takes the value of a field from the numbers of a message."""
 _flat = chain.from_iterable
 _SCALARS = {int: "int64", float: "float64", bool: "bool"}
 _TUPLES = {Vec3: "Vector", Quat: "Quaternion"}
+
+
+def _nothing(numbers: Iterator[Any]) -> None:
+    """The value of a field that is not recorded."""
+
+
+def _scalar(kind: Callable[[Any], Any]) -> _Reader:
+    return lambda numbers: kind(next(numbers))
+
+
+def _row(width: int) -> _Reader:
+    return lambda numbers: tuple(islice(numbers, width))
+
+
+def _optional(kind: Callable[[Any], Any]) -> _Reader:
+    def read(numbers: Iterator[Any]) -> Any:
+        known, value = islice(numbers, 2)
+        return kind(value) if known else None
+
+    return read
+
+
+def _counted(numbers: Iterator[Any]) -> tuple[float, ...]:
+    count, *held = islice(numbers, SWITCHES + 1)
+    return tuple(held[:count])
 
 
 def _packed(struct: Struct, pieces: list[_Piece], width: int) -> Callable[[Any], bytes]:
@@ -393,18 +448,23 @@ def _packed(struct: Struct, pieces: list[_Piece], width: int) -> Callable[[Any],
     return lambda m: pack(*_flat(items(m)))
 
 
-def _recorded(name: str, plain: Any, note: Any, index: int) -> tuple[tuple[_Field, ...], _Piece]:
-    """Return the message fields for one field of a measurement, and how to take their numbers."""
+def _recorded(
+    name: str, plain: Any, note: Any, index: int
+) -> tuple[tuple[_Field, ...], _Piece, _Reader]:
+    """Return the message fields for one field of a measurement, how to take their numbers, and how
+    to read its value from them."""
     if plain in _SCALARS:
-        return ((_SCALARS[plain], name, note),), slice(index, index + 1)
+        return ((_SCALARS[plain], name, note),), slice(index, index + 1), _scalar(plain)
     if plain in _TUPLES:
-        return ((_TUPLES[plain], name, note),), index
+        width = len(_MESSAGES[_TUPLES[plain]])
+        return ((_TUPLES[plain], name, note),), index, _row(width)
     if isinstance(note, Recorded):
         if get_origin(plain) in (Union, types.UnionType):
-            scalar = next(_SCALARS[t] for t in get_args(plain) if t in _SCALARS)
+            kind = next(t for t in get_args(plain) if t in _SCALARS)
             extra = ("bool", note.extra, note.extra_comment)
-            field = extra, (scalar, name, note.comment)
-            return field, lambda values: (values[index] is not None, values[index] or 0)
+            field = extra, (_SCALARS[kind], name, note.comment)
+            read = _optional(kind)
+            return field, lambda values: (values[index] is not None, values[index] or 0), read
         if plain == tuple[float, ...]:
             extra = ("uint8", note.extra, note.extra_comment)
 
@@ -412,7 +472,7 @@ def _recorded(name: str, plain: Any, note: Any, index: int) -> tuple[tuple[_Fiel
                 held = values[index][:SWITCHES]
                 return (len(held), *held, *(0.0,) * (SWITCHES - len(held)))
 
-            return (extra, (f"float64[{SWITCHES}]", name, note.comment)), numbers
+            return (extra, (f"float64[{SWITCHES}]", name, note.comment)), numbers, _counted
     raise TypeError(f"`{name}: {plain}` can't be recorded")
 
 

@@ -46,11 +46,13 @@ class Series(NamedTuple):
 @dataclass(frozen=True)
 class Messages:
     """The messages of a topic in the order of the file. times: their log times, ns, shape (n,).
-    sizes: their lengths in bytes, (n,). content: their bytes, one after the other. definition: of a
-    ROS 1 message, as in the file; empty for JSON."""
+    sizes: their lengths in bytes, (n,). places: where they are in the file, in the order of all its
+    messages, (n,). content: their bytes, one after the other. definition: of a ROS 1 message, as in
+    the file; empty for JSON."""
 
     times: NDArray[np.int64]
     sizes: NDArray[np.int64]
+    places: NDArray[np.int64]
     content: bytes | bytearray
     definition: str = ""
 
@@ -66,7 +68,8 @@ class Messages:
             yield json.loads(self.content[start:end])
 
 
-NO_MESSAGES = Messages(np.zeros(0, np.int64), np.zeros(0, np.int64), b"")
+_NONE = np.zeros(0, np.int64)
+NO_MESSAGES = Messages(_NONE, _NONE, _NONE, b"")
 
 
 @dataclass(frozen=True)
@@ -135,11 +138,13 @@ class _Collected:
     definition: str
     times: array[int] = field(default_factory=lambda: array("q"))
     sizes: array[int] = field(default_factory=lambda: array("q"))
+    places: array[int] = field(default_factory=lambda: array("q"))
     content: bytearray = field(default_factory=bytearray)
 
     def messages(self) -> Messages:
-        times, sizes = np.array(self.times, np.int64), np.array(self.sizes, np.int64)
-        return Messages(times, sizes, self.content, self.definition)
+        numbers = self.times, self.sizes, self.places
+        times, sizes, places = (np.array(of, np.int64) for of in numbers)
+        return Messages(times, sizes, places, self.content, self.definition)
 
 
 class _Channels:
@@ -149,6 +154,7 @@ class _Channels:
         self._path, self._wants = path, wants
         self._channels: dict[int, _Collected | None] = {}
         self._schemas: dict[int, Schema] = {}
+        self._place = 0
 
     def topics(self) -> dict[str, Messages]:
         return {c.topic: c.messages() for c in self._channels.values() if c and c.times}
@@ -163,8 +169,10 @@ class _Channels:
             if opcode == Opcode.MESSAGE:
                 number, _, time, _ = message(data, start + _RECORD.size)
                 channel = channels[number]
+                self._place += 1
                 if channel is not None:
                     channel.times.append(time)
+                    channel.places.append(self._place)
                     channel.sizes.append(following - start - header)
                     channel.content += memoryview(data)[start + header : following]
             elif opcode == Opcode.CHANNEL:

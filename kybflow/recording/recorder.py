@@ -6,6 +6,12 @@
 - `/NAME/wanted`: the behavior's setpoint, in ticks in which the tracker followed another one.
 - `/NAME/command`: the setpoint of each command that has one.
 - `/NAME/estimator/ESTIMATOR`: each estimator's estimate, at most 50 times a second.
+- `/NAME/link`: what the link answered, as JSON, whenever it changes. `/NAME/heard`: the ticks in
+  which the link delivered measurements that were not used. `/NAME/located/ESTIMATOR`: the estimates
+  of an estimator that uses images. `/NAME/true_payload`: where the simulator's payload is, whenever
+  it moves. A replay (`kybflow.api.replay`) needs them.
+- `/BODY/pose`: each pose of a moving obstacle or an object as it arrives. `/OBJECT/true` and
+  `/contacts`: the simulator's objects and the forces on them, N, per control tick.
 - `/events`: every event as JSON. `/obstacles`: the moving obstacles, 20 times a second.
 - `/objects`: the objects as motion capture saw them and, in simulation, as they are, with the
   forces on them, 20 times a second.
@@ -20,11 +26,12 @@ import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from struct import Struct
-from typing import Any
+from typing import Any, cast
 
 from foxglove import Channel, Context, Schema, open_mcap
 from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 
+from kybflow.core.geometry import Vec3
 from kybflow.core.signals import (
     Battery,
     Command,
@@ -46,7 +53,10 @@ from kybflow.core.signals import (
 from kybflow.dsl.plan import Plan
 from kybflow.parts.link import Contact
 from kybflow.recording.layout import (
+    ANSWER_SCHEMA,
     COMMAND_KINDS,
+    CONTACTS_SCHEMA,
+    CONTACTS_TOPIC,
     EVENT_SCHEMA,
     EVENTS_TOPIC,
     HAS_ACCELERATION,
@@ -71,7 +81,7 @@ from kybflow.recording.layout import (
     struct_format,
 )
 from kybflow.recording.run_folder import GrowingFile
-from kybflow.runtime.events import EstimationState, VehicleObserver
+from kybflow.runtime.events import EstimationState, VehicleObserver, WorldObserver
 from kybflow.world.objects import ObjectState
 
 CHUNK_SECONDS = 0.5
@@ -80,13 +90,15 @@ CHUNK_SECONDS = 0.5
 _TICK = Struct(struct_format("Tick"))
 _pack_tick = _TICK.pack
 _pack_setpoint = Struct(struct_format("Setpoint")).pack
+_pack_vector, _pack_object = (Struct(struct_format(m)).pack for m in ("Vector", "Object"))
+_pack_estimate = Struct(struct_format("Estimate")).pack
 _pack_candidate = Struct(struct_format("Candidate")).pack
 
 _Message = str | MeasurementKind
 _Log = Callable[[bytes, int], None]
 _Measured = tuple[Callable[[Measurement], bytes], _Log | None]
 """The encoder for measurements of one kind, and the function that logs them; None if the kind has
-several topics."""
+several topics or an answer beside it."""
 
 _LARGEST = (2.0 - 2.0**-23) * 2.0**127
 """The largest float32 number."""
@@ -103,7 +115,11 @@ _ALL = HAS_POSITION | HAS_VELOCITY | HAS_ACCELERATION | HAS_JERK | HAS_HEADING
 _POSITION_NUMBER = SETPOINT_KINDS[_POSITION]
 
 
-class Recorder:
+MOMENTS = frozenset({"status_texts", "foreign_commands", "touch"})
+"""The answers of a link that count each time; others only when they change."""
+
+
+class Recorder(WorldObserver):
     """The recording of a run. failed: why recording stopped, None while it works; no method raises
     for this. Raises RunUnwritten if the file can't be opened."""
 
@@ -135,6 +151,9 @@ class Recorder:
         self._vehicles = {
             v.name: VehicleChannel(v.name, every, self._context) for v in plan.vehicles
         }
+        self._bodies: dict[str, _Log] = {}
+        self._contacts: _Log | None = None
+        self._forces: Mapping[Contact, float] = {}
         self._closed = False
 
     @property
@@ -155,7 +174,28 @@ class Recorder:
         if self._obstacles is not None:
             self._obstacles.base.log(json.dumps(obstacles_record(seen)).encode(), now)
 
+    def body(self, now: Time, name: str, measurement: Measurement) -> None:
+        self._body(f"/{name}/pose", Pose)(layout_of(Pose).packed(measurement), now)
+
     def objects(
+        self, now: Time, states: Mapping[str, ObjectState], forces: Mapping[Contact, float]
+    ) -> None:
+        for name, (position, attitude, velocity, q, speed, turning) in states.items():
+            data = _pack_object(*position, *attitude, *velocity, q, speed, *turning)
+            self._body(f"/{name}/true", "Object")(data, now)
+        if forces != self._forces:
+            self._forces = forces
+            if self._contacts is None:
+                self._contacts = _json_log(self._context, CONTACTS_TOPIC, CONTACTS_SCHEMA)
+            felt = {"|".join(contact): force for contact, force in forces.items()}
+            self._contacts(json.dumps(felt).encode(), now)
+
+    def _body(self, topic: str, message: _Message) -> _Log:
+        if topic not in self._bodies:
+            self._bodies[topic] = _log(self._context, topic, message)
+        return self._bodies[topic]
+
+    def shown_objects(
         self,
         now: Time,
         true: Mapping[str, ObjectState],
@@ -183,11 +223,16 @@ class VehicleChannel(VehicleObserver):
         self._every, self._ticks = every, 0
         self._tick = _log(context, f"/{name}/tick", "Tick")
         self._name, self._context = name, context
-        self._measured: dict[MeasurementKind, _Measured] = {}
-        for kind in (Pose, Battery, Imu):
+        self._measured: dict[MeasurementKind, _Measured] = {
+            Battery: (layout_of(Battery).packed, None)  # its warning is recorded as an answer
+        }
+        self._optional = {"battery": _log(context, f"/{name}/battery", Battery)}
+        for kind in (Pose, Imu):
             self._open(kind)
-        self._optional: dict[str, _Log] = {}
         self._estimators: dict[str, _Log] = {}
+        self._answers: dict[str, object] = {}
+        self._link: _Log | None = None
+        self._payload: Vec3 | None = None
 
     def tick(
         self,
@@ -206,7 +251,7 @@ class VehicleChannel(VehicleObserver):
         _, p, v, q, w, _, age, spread = believed
         attitude, thrust, rates, heading, armed, kind, sent = asked
         number = _ATTITUDE_THRUST_NUMBER if kind is _ATTITUDE_THRUST else COMMAND_KINDS[kind]
-        pt, vt, qt, wt, _ = true
+        pt, vt, qt, wt, payload = true
         values = (
             estimate is not None, *p, *v, *q, *w, age, spread,
             *_numbers(setpoint),
@@ -217,6 +262,9 @@ class VehicleChannel(VehicleObserver):
             self._tick(_pack_tick(*values), now)
         except OverflowError:
             self._tick(_pack_tick(*map(_within_float32, values)), now)
+        if payload is not None and payload != self._payload:
+            self._payload = payload
+            self._log_optional("true_payload", "Vector", _pack_vector(*payload), now)
         if wanted is not setpoint:
             self._setpoint("wanted", wanted, now)
         if sent is not None:
@@ -248,10 +296,29 @@ class VehicleChannel(VehicleObserver):
         kind = type(measurement)
         packed, log = self._measured.get(kind) or self._open(kind)
         if log is None:
+            if kind is Battery:
+                self.answer(now, "battery_warning", cast(Battery, measurement).warning)
             topic = layout_of(kind).topic(measurement)
             self._log_optional(topic, kind, packed(measurement), now)
         else:
             log(packed(measurement), now)
+
+    def answer(self, now: Time, of: str, value: object) -> None:
+        if of not in MOMENTS:
+            if self._answers.get(of) == value:
+                return
+            self._answers[of] = value
+        if self._link is None:
+            self._link = _json_log(self._context, f"/{self._name}/link", ANSWER_SCHEMA)
+        self._link(json.dumps({of: value}).encode(), now)
+
+    def heard(self, now: Time) -> None:
+        self._log_optional("heard", "Heard", b"", now)
+
+    def located(self, now: Time, estimator: str, estimate: Estimate | None) -> None:
+        _, p, v, q, w, _, age, spread = estimate or _NO_ESTIMATE
+        data = _pack_estimate(estimate is not None, *p, *v, *q, *w, age, spread)
+        self._log_optional(f"located/{estimator}", "Estimate", data, now)
 
     def _open(self, kind: MeasurementKind) -> _Measured:
         """Open the channel for a kind of measurement, unless the kind has several topics."""
@@ -300,6 +367,10 @@ def _within_float32(value: Any) -> Any:
     """Return the nearest number that fits a float32, because a part's setpoint or command may be
     too large. Integers stay integers, also when compiled."""
     return max(-_LARGEST, min(value, _LARGEST))
+
+
+def _json_log(context: Context, topic: str, schema: dict[str, Any]) -> _Log:
+    return Channel(topic, schema=schema, context=context).base.log
 
 
 def _log(context: Context, topic: str, message: _Message) -> _Log:

@@ -32,7 +32,7 @@ from kybflow.runtime.commanding.command_queue import CommandQueue
 from kybflow.runtime.commanding.commander import Commander
 from kybflow.runtime.commanding.legal import RunView
 from kybflow.runtime.conditions import reader_of
-from kybflow.runtime.events import Events
+from kybflow.runtime.events import Events, WorldObserver
 from kybflow.runtime.expectations import Judge
 from kybflow.runtime.fleet.callbacks import Callbacks, RunControls
 from kybflow.runtime.fleet.flows import Flows
@@ -93,6 +93,7 @@ class Engine:
         seed: int = 0,
         commands: CommandQueue | None = None,
         interrupts: int = 0,
+        world_observer: WorldObserver | None = None,
     ) -> None:
         self.plan, self.clock, self.events = plan, clock, events
         self.vehicles = tuple(vehicles)
@@ -131,6 +132,7 @@ class Engine:
         self.injection = Injection(plan.faults, active, self._condition, events, seed)
         self.impacts = Impacts(self.vehicles, links, events, plan.touchable, plan.objects)
         self._has_objects = bool(plan.objects)
+        self._world_observer = world_observer or WorldObserver()
         self.excursions = Excursions(self.vehicles, plan.fence, events)
         self.clearances = Clearances(self.vehicles, true, plan.kept_clear)
         self.drops = PayloadDrops(self.vehicles, events)
@@ -223,6 +225,8 @@ class Engine:
     def _advance(self, now: Time) -> None:
         if self._has_objects:
             self.contacts.step(now, self.clock.period / NS)
+            if self.true_objects.is_known:
+                self._world_observer.objects(now, self.true_objects.states, self.contacts.felt)
             self.inferred.step(now, self.clock.period / NS)
         if now >= self._next_look:
             self._next_look = now + _OBSERVED_EVERY

@@ -3,13 +3,15 @@ later; and `VehicleObserver`, which a recording implements."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Protocol
 
 from kybflow.core.errors import described, traceback_of
 from kybflow.core.events import BaseEvent
 from kybflow.core.signals import Command, Estimate, Event, Measurement, Setpoint, Time, Truth
 from kybflow.parts.events import ObserverFailed
+from kybflow.parts.link import Contact
+from kybflow.world.objects import ObjectState
 
 
 class Events:
@@ -66,6 +68,20 @@ class Events:
 _SILENCE: frozenset[str] = frozenset()
 
 
+class WorldObserver:
+    """Receives what is known of bodies that are not vehicles. This base class discards it. Methods
+    must not raise."""
+
+    def body(self, now: Time, name: str, measurement: Measurement) -> None:
+        """Record a pose of a moving obstacle or an object, which arrived in the tick at `now`."""
+
+    def objects(
+        self, now: Time, states: Mapping[str, ObjectState], forces: Mapping[Contact, float]
+    ) -> None:
+        """Record the simulator's objects in the tick at `now`: their true states, by name, and the
+        force of each contact with a vehicle, N."""
+
+
 class EstimatorState(Protocol):
     """One estimator after a tick. is_usable: whether it is healthy and within its time limit."""
 
@@ -92,6 +108,17 @@ class VehicleObserver:
 
     def measurement(self, now: Time, measurement: Measurement) -> None:
         """Record a measurement that arrived in the tick at `now`."""
+
+    def answer(self, now: Time, of: str, value: object) -> None:
+        """Record what the vehicle's link answered in the tick at `now`, so that a replay can answer
+        alike. of: the method of the link that answered; `state` for what the link says of itself,
+        `failed` for an exception; `kybflow.runtime.vehicle.link` lists them."""
+
+    def heard(self, now: Time) -> None:
+        """Record that the link delivered measurements in the tick at `now`, but none was used."""
+
+    def located(self, now: Time, estimator: str, estimate: Estimate | None) -> None:
+        """Record the estimate of an estimator that uses images, which are not recorded."""
 
     def tick(
         self,

@@ -85,8 +85,8 @@ def command(
         target, seed, given, inputs = earlier.target, earlier.seed, earlier.commands, earlier.inputs
         is_resolved = mission.resolve().parent == again.resolve()
         sets = [] if is_resolved else [*earlier.sets]
-        options = [*map(arguments.change, earlier.options)]
-        emits = [*map(arguments.emitted, earlier.emits)]
+        options = [arguments.Change(*change) for change in earlier.options]
+        emits = [arguments.Emitted(*emitted) for emitted in earlier.emits]
     plan, result = arguments.compiled(mission, target, sets, parts)
     skips = rehearses is False and not plan.simulated
     if rehearses or not (plan.simulated or skips):

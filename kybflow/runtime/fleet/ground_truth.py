@@ -72,6 +72,7 @@ class Impacts:
 
     def _touched(self, vehicle: Vehicle, touch: Touch) -> None:
         name, into = vehicle.name, touch.into
+        vehicle.note_touch(touch)
         if into in self._touchable or self._is_meant(vehicle, into):
             return
         if not (touch.carries and vehicle.may_touch_down):
@@ -139,13 +140,14 @@ class Clearances:
 class ObjectContacts:
     """Publishes when vehicles begin and end to touch objects (`contact_began`, `contact_ended`).
     The engine calls `step` in every tick of a mission with objects. forces: the force of each
-    contact now, averaged over `CONTACT_S`, N.
+    contact now, averaged over `CONTACT_S`, N. felt: the forces at this moment, N.
 
     MuJoCo's forces alternate from step to step, so that a contact ends once its average has almost
     vanished.
     """
 
     def __init__(self, sessions: Sequence[Session], events: Events) -> None:
+        self.felt: Mapping[Contact, float] = {}
         self.forces: dict[Contact, float] = {}
         self._scenes = [session.scene for session in sessions if session.scene is not None]
         self._events = events
@@ -159,6 +161,7 @@ class ObjectContacts:
 
     def step(self, now: Time, dt: float) -> None:
         found = {c: force for one in self._scenes for c, force in one.contacts().items()}
+        self.felt = found
         share = min(1.0, dt / CONTACT_S)
         for contact in {*found, *self.forces}:
             before = self.forces.get(contact, 0.0)

@@ -13,7 +13,7 @@ from kybflow.core.geometry import ZERO, norm, scale, sub
 from kybflow.core.signals import NS, SeenObstacle, Time
 from kybflow.parts import Stream
 from kybflow.parts.events import ObstacleFound, ObstacleLost
-from kybflow.runtime.events import Events
+from kybflow.runtime.events import Events, WorldObserver
 from kybflow.runtime.fleet.tracked_bodies import Track, TrackedBodies
 from kybflow.world.shapes import MovingSphere
 
@@ -22,7 +22,10 @@ _SPAN_NS: Time = NS // 20
 
 
 def moving_obstacles(
-    moving: Mapping[str, MovingSphere], events: Events, streams: Mapping[str, Stream]
+    moving: Mapping[str, MovingSphere],
+    events: Events,
+    streams: Mapping[str, Stream],
+    observer: WorldObserver | None = None,
 ) -> MovingObstacles:
     """Return the moving obstacles of a mission. streams: that of each obstacle's poses, by name."""
 
@@ -38,4 +41,5 @@ def moving_obstacles(
         {name: streams[name] for name in moving}, _SPAN_NS, observe, events,
         lambda name, reason: ObstacleLost(obstacle=name, reason=reason),
         lambda name: ObstacleFound(obstacle=name),
+        observer,
     )  # fmt: skip

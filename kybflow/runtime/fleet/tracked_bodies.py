@@ -19,7 +19,7 @@ from kybflow.core.events import RunEvent
 from kybflow.core.geometry import distance
 from kybflow.core.signals import NS, Measurement, Pose, Time
 from kybflow.parts import Stream
-from kybflow.runtime.events import Events
+from kybflow.runtime.events import Events, WorldObserver
 from kybflow.runtime.monitoring.bodies import STILL_DISTANCE, WAVERING_POSES
 from kybflow.runtime.monitoring.sensing import MAX_LEAD_NS
 
@@ -45,7 +45,8 @@ class TrackedBodies(Generic[S]):
     """Bodies and the streams of their poses, by name. seen: what was last seen of each body.
 
     span: how old the poses are that `observe` gets, ns. lost, found: make the events of a body that
-    is lost, given its name and the reason, and of one that is seen again.
+    is lost, given its name and the reason, and of one that is seen again. observer: receives the
+    poses.
     """
 
     def __init__(
@@ -56,11 +57,15 @@ class TrackedBodies(Generic[S]):
         events: Events,
         lost: Callable[[str, str], RunEvent],
         found: Callable[[str], RunEvent],
+        observer: WorldObserver | None = None,
     ) -> None:
         self.seen: dict[str, S] = {}
         self._observe, self._events = observe, events
         self._lost_event, self._found_event = lost, found
-        self._watched = {name: _Watched(stream, span) for name, stream in streams.items()}
+        note = (observer or WorldObserver()).body
+        self._watched = {
+            name: _Watched(name, stream, span, note) for name, stream in streams.items()
+        }
         self._lost: set[str] = set()
 
     @property
@@ -96,7 +101,14 @@ class TrackedBodies(Generic[S]):
 class _Watched:
     """One body and the stream of its poses."""
 
-    def __init__(self, stream: Stream, span: Time) -> None:
+    def __init__(
+        self,
+        name: str,
+        stream: Stream,
+        span: Time,
+        note: Callable[[Time, str, Measurement], None],
+    ) -> None:
+        self._name, self._note = name, note
         self.track: deque[Pose] = deque()
         self._stream, self._span = stream, span
         self._failure: str | None = None
@@ -109,8 +121,11 @@ class _Watched:
             came, self._failure = self._stream.read(now), None
         except Exception as error:  # a part may raise anything; then nothing is seen
             self._failure = described(error)
-        news = [self._is_new(pose, now) for pose in came]
-        return any(news)
+        is_new = False
+        for pose in came:
+            self._note(now, self._name, pose)
+            is_new |= self._is_new(pose, now)
+        return is_new
 
     def trouble(self) -> str | None:
         """Return why the body can't be seen, or None if no reason is known."""

@@ -16,7 +16,7 @@ from kybflow.core.geometry import wrap
 from kybflow.core.signals import NS, SeenObject, Time
 from kybflow.parts import Stream
 from kybflow.parts.events import ObjectFound, ObjectLost
-from kybflow.runtime.events import Events
+from kybflow.runtime.events import Events, WorldObserver
 from kybflow.runtime.fleet.tracked_bodies import Track, TrackedBodies
 from kybflow.world.objects import (
     Placement,
@@ -32,7 +32,10 @@ _SPAN_NS: Time = round(0.15 * NS)
 
 
 def tracked_objects(
-    objects: Mapping[str, WorldObject], events: Events, streams: Mapping[str, Stream]
+    objects: Mapping[str, WorldObject],
+    events: Events,
+    streams: Mapping[str, Stream],
+    observer: WorldObserver | None = None,
 ) -> TrackedObjects:
     """Return the objects of a mission. streams: that of each object's poses, by name."""
     coordinates: dict[str, dict[Time, float]] = {name: {} for name in objects}
@@ -61,6 +64,7 @@ def tracked_objects(
         _SPAN_NS, observe, events,
         lambda name, reason: ObjectLost(object=name, reason=reason),
         lambda name: ObjectFound(object=name),
+        observer,
     )  # fmt: skip
     return bodies
 

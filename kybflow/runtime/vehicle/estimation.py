@@ -355,8 +355,10 @@ class Estimation:
         previous, self._in_use = self._in_use, chosen
         self._others = [c for c in self._anchored if c is not chosen]
         before, reason = None, "there was none" if self._was_used else "the first estimate"
+        at = "" if chosen is None else chosen.at
         if previous is not None:
             before, reason = previous.name, previous.trouble
+            at = previous.at if reason else at
             known = self._known(previous.uses) if previous.is_starved else ""
             if known:
                 reason += f"; {known}"
@@ -364,7 +366,7 @@ class Estimation:
         last, self._blend = self._flown, None
         if chosen is None or estimate is None:
             self.lost = last
-            self._events.emit(EstimatorLost(previous=before, reason=reason), self._vehicle)
+            self._events.emit(EstimatorLost(previous=before, reason=reason), self._vehicle, at)
             self._score.estimator("", now / NS)
             return
         gain = f"`{chosen.name}` is healthy again"
@@ -381,7 +383,7 @@ class Estimation:
             offset=offset,
             blended=self._blend is not None,
         )
-        self._events.emit(changed, self._vehicle)
+        self._events.emit(changed, self._vehicle, at)
         self._score.estimator(chosen.name, now / NS)
 
 

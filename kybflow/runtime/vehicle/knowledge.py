@@ -247,10 +247,17 @@ class Knowledge:
             self.estimation.kill(self._faults.estimators)
         self.estimate = estimate = self.estimation.update(measurements, now)
         if self.cameras.is_asked:
-            self.cameras.judge(self.estimation.candidates, airborne)
+            self._judge_cameras(now, airborne)
         if self._fleet.is_asked and estimate is not None:
             self._fleet.note(self._name, estimate)
         return estimate
+
+    def _judge_cameras(self, now: Time, airborne: bool) -> None:
+        """Judge the poses found in images, and record the estimates that depend on them."""
+        self.cameras.judge(self.estimation.candidates, airborne)
+        for candidate in self.estimation.candidates:
+            if Frame in candidate.uses:
+                self._observer.located(now, candidate.name, candidate.estimate)
 
     def rate(self, kind: MeasurementKind) -> float:
         """Return the average rate (Hz) of measurements of `kind`; zero before the third one."""

@@ -8,7 +8,7 @@ in every tick. `Refused` is not a failure but the vehicle's answer to a request.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import ParamSpec, TypeVar
+from typing import NamedTuple, ParamSpec, TypeVar
 
 from kybflow.core.errors import PartFailed, Refused, described
 from kybflow.core.geometry import LEVEL, ZERO
@@ -35,13 +35,14 @@ from kybflow.parts.link import (
     PreparesPreflight,
     Reclaimable,
     ReportsChecks,
+    ReportsTouches,
     SendsStatusTexts,
     StopsRotors,
     Subscribable,
     TakesPosition,
     truth_source,
 )
-from kybflow.runtime.events import Events
+from kybflow.runtime.events import Events, VehicleObserver
 from kybflow.runtime.scores import VehicleScore
 
 P = ParamSpec("P")
@@ -65,42 +66,78 @@ without thrust."""
 Accept = Callable[[Sequence[Measurement], Time], Sequence[Measurement]]
 
 
-class LinkGuard:
-    """Catches and reports the exceptions of a link's driver.
+class LinkState(NamedTuple):
+    """What a link says of itself, as in `Link`."""
 
-    error: a description of the link's first exception, None while it works.
+    armed: bool | None = None
+    override: Override | None = None
+    is_heard: bool = True
+    delay: float = 0.0
+    rejection: str | None = None
+
+
+OFFERED = (
+    Arms, StopsRotors, DisarmsByForce, Lands, Grips, Performs, TakesPosition, ReportsChecks,
+    PreparesPreflight, SendsStatusTexts, NoticesOthers, Reclaimable, ReportsTouches,
+)  # fmt: skip
+"""What a link may offer. A record contains its answers to `arm`, `land`, `grip`, `perform`,
+`disarm_by_force`, `checks`, `status_texts` and `foreign_commands`, its `touch`es, its `state` after
+each `read`, `then` after an answer, `offers` (names of these protocols), and `failed`: the method
+that raised first, and why."""
+
+
+class LinkGuard:
+    """Catches and reports the exceptions of a link's driver, and records the answers to what it is
+    asked.
+
+    error: a description of the link's first exception, None while it works. now: the time of the
+    tick. observer: records the answers.
     """
 
-    __slots__ = ("_driver", "_report", "error")
+    __slots__ = ("_driver", "_report", "error", "now", "observer")
 
-    def __init__(self, driver: str, report: Callable[[PartFailed], None]) -> None:
+    def __init__(
+        self,
+        driver: str,
+        report: Callable[[PartFailed], None],
+        observer: VehicleObserver | None = None,
+    ) -> None:
         self.error: str | None = None
+        self.now: Time = 0
+        self.observer = observer or VehicleObserver()
         self._driver, self._report = driver, report
 
-    def fail(self, error: Exception) -> None:
+    def fail(self, error: Exception, method: str) -> None:
         """Report a failure of the link. Only the first call counts."""
         if self.error is None:
             self.error = described(error)
+            self.observer.answer(self.now, "failed", (method, self.error))
             self._report(PartFailed(self._driver, error))
 
-    def attempt(self, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | None:
+    def attempt(
+        self, method: str, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs
+    ) -> T | None:
         """Call a method of the link and return its result. If it raises, report the exception and
-        return None."""
+        return None. method: its name."""
         try:
             return call(*args, **kwargs)
         except Exception as error:  # a driver may raise anything
-            self.fail(error)
+            self.fail(error, method)
             return None
 
-    def ask(self, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | None:
-        """Call a method of the link as `attempt` does, but raise Refused if the vehicle refuses."""
+    def ask(self, method: str, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | None:
+        """Call a method of the link as `attempt` does, record its answer, and raise Refused if the
+        vehicle refuses."""
         try:
-            return call(*args, **kwargs)
-        except Refused:
+            answer = call(*args, **kwargs)
+        except Refused as refused:
+            self.observer.answer(self.now, method, {"refused": str(refused)})
             raise
         except Exception as error:  # a driver may raise anything
-            self.fail(error)
+            self.fail(error, method)
             return None
+        self.observer.answer(self.now, method, answer)
+        return answer
 
 
 class LinkIn:
@@ -114,6 +151,7 @@ class LinkIn:
     first read. Messages without a measurement, such as heartbeats, don't count.
     delay: the round-trip time to the vehicle in seconds, zero while unknown.
     rejection: why the vehicle doesn't use the positions that it is sent, None if it does.
+    state: what the link says of itself, as of the last read or request.
     faults: the injected faults of the vehicle, None on hardware.
     """
 
@@ -130,9 +168,10 @@ class LinkIn:
         self.has_delivered = False
         self.age = self.delay = 0.0
         self.rejection: str | None = None
+        self.state = LinkState()
         self._alive: Time | None = None
         self._vehicle, self._at, self._events = plan.name, plan.driver.at, events
-        self._link, self._guard = link, guard
+        self._link, self._guard, self._observer = link, guard, guard.observer
         self._read, self._truth = link.read, truth_source(link)
         self.faults = link.faults
         self._texts = link.status_texts if isinstance(link, SendsStatusTexts) else None
@@ -140,40 +179,69 @@ class LinkIn:
         self._score = score
         self._subscribed: frozenset[MeasurementKind] = frozenset()
         self._briefly: frozenset[MeasurementKind] = frozenset()
+        offers = [protocol.__name__ for protocol in OFFERED if isinstance(link, protocol)]
+        self._observer.answer(0, "offers", offers)
 
     def listen(self, now: Time, accept: Accept) -> Sequence[Measurement]:
         """Read the link; return the measurements that `accept` keeps."""
         measurements: Sequence[Measurement] = ()
+        self._guard.now = now
         try:
             measurements = self._read(now)
             self.truth = self._truth()
+            self.update_state("state")
             if measurements or self.heard is None:
-                is_heard = self._link.is_heard
+                is_heard = self.state.is_heard
                 if is_heard or self._alive is None:
                     if self._alive is not None and now - self._alive > SILENCE_THRESHOLD_S * NS:
                         back = LinkReturned(value=(now - self._alive) / NS)
                         self._events.emit(back, self._vehicle, self._at)
                     self._alive = now
                     self.has_delivered |= is_heard and bool(measurements)
-                self.heard, self.delay = now, self._link.delay
-                self.rejection = self._link.rejection
-                measurements = accept(measurements, now)
+                self.heard, self.delay = now, self.state.delay
+                self.rejection = self.state.rejection
+                measurements = self._accepted(measurements, now, accept)
         except Exception as error:  # a driver may raise anything
             self.truth, measurements = None, ()
             self.heard = now if self.heard is None else self.heard
             self._alive = now if self._alive is None else self._alive
-            self._guard.fail(error)
+            self._guard.fail(error, "read")
         if self._alive is not None:
             self.age = (now - self._alive) / NS
         if self._texts is not None:
-            for severity, text in self._guard.attempt(self._texts) or ():
+            for severity, text in self._told("status_texts", self._texts):
                 status = VehicleSaid(severity=severity, text=text)
                 self._events.emit(status, self._vehicle, self._at)
         if self._others is not None:
-            for reason, allowed in self._guard.attempt(self._others) or ():
+            for reason, allowed in self._told("foreign_commands", self._others):
                 self._events.emit(ForeignCommandEvent(reason=reason), self._vehicle, self._at)
                 self._score.foreign(reason, allowed)
         return measurements
+
+    def _accepted(
+        self, measurements: Sequence[Measurement], now: Time, accept: Accept
+    ) -> Sequence[Measurement]:
+        accepted = accept(measurements, now)
+        if measurements and not accepted:
+            self._observer.heard(now)
+        return accepted
+
+    def update_state(self, of: str) -> None:
+        """Read what the link says of itself, and record it as `of` if it has changed."""
+        link, last = self._link, self.state
+        said = (link.armed, link.override, link.is_heard, link.delay, link.rejection)
+        if said != last:
+            self.state = LinkState(*said)
+            self._observer.answer(self._guard.now, of, said)
+
+    def _told(
+        self, method: str, call: Callable[P, Sequence[T]], *args: P.args, **kwargs: P.kwargs
+    ) -> Sequence[T]:
+        """Return and record what the vehicle says by itself."""
+        told = self._guard.attempt(method, call, *args, **kwargs) or ()
+        if told:
+            self._observer.answer(self._guard.now, method, told)
+        return told
 
     def subscribe(self, kinds: frozenset[MeasurementKind]) -> None:
         """Subscribe to these kinds of measurement, in addition to the previous ones."""
@@ -185,7 +253,7 @@ class LinkIn:
     def subscribe_briefly(self, kinds: frozenset[MeasurementKind]) -> bool:
         """Also subscribe to these kinds of measurement, until the next call. Return False, without
         any effect, while somebody else controls the vehicle, which is then requested nothing."""
-        if self._guard.attempt(lambda: self._link.override) is not None:
+        if self.state.override is not None:
             return False
         self._briefly = kinds
         self._request_streams()
@@ -193,13 +261,13 @@ class LinkIn:
 
     def _request_streams(self) -> None:
         if isinstance(self._link, Subscribable):
-            self._guard.attempt(self._link.subscribe, self._subscribed | self._briefly)
+            self._guard.attempt("subscribe", self._link.subscribe, self._subscribed | self._briefly)
 
     def checks(self, now: Time) -> Sequence[Check]:
         """Return the vehicle's own preflight checks."""
         if not isinstance(self._link, ReportsChecks):
             return ()
-        return self._guard.attempt(self._link.checks, now) or ()
+        return self._told("checks", self._link.checks, now)
 
 
 class LinkOut:
@@ -213,7 +281,7 @@ class LinkOut:
     def __init__(self, plan: VehiclePlan, link: Link, guard: LinkGuard, link_in: LinkIn) -> None:
         self.sent = RESTING
         self.arming: Command | None = None
-        self._link, self._guard, self._send, self._in = link, guard, link.send, link_in
+        self._guard, self._send, self._in = guard, link.send, link_in
         self._arm = link.arm if isinstance(link, Arms) else None
         self._cut = link.cut if isinstance(link, StopsRotors) else None
         self._force = link.disarm_by_force if isinstance(link, DisarmsByForce) else None
@@ -229,25 +297,17 @@ class LinkOut:
     @property
     def override(self) -> Override | None:
         """Why the vehicle doesn't follow commands although its link works, None while it does."""
-        try:
-            return self._link.override
-        except Exception as error:  # a driver may raise anything
-            self._guard.fail(error)
-            return None
+        return self._in.state.override
 
     @property
     def armed(self) -> bool | None:
         """Whether the vehicle reports itself armed; None if it reports nothing."""
-        try:
-            return self._link.armed
-        except Exception as error:  # a driver may raise anything
-            self._guard.fail(error)
-            return None
+        return self._in.state.armed
 
     def prepare_preflight(self, now: Time) -> None:
         """Send the vehicle what its own preflight checks need; nothing if its link has failed."""
         if self._prepare is not None and self._guard.error is None:
-            self._guard.attempt(self._prepare, now)
+            self._guard.attempt("prepare_preflight", self._prepare, now)
 
     def deliver(self, command: Command, now: Time) -> Command:
         """Send the command of a tick; return the command that was sent. `HANDED_OVER` is not sent.
@@ -256,16 +316,25 @@ class LinkOut:
         if command is not HANDED_OVER:
             if command.armed and not self.sent.armed and self._arm is not None:
                 self.sent = RESTING
-                if not self._guard.ask(self._arm, command, now):
+                if not self._ask("arm", self._arm, command, now):
                     self.arming = command
                     return RESTING
             self.arming = None
             try:
                 self._send(command, now)
             except Exception as error:  # a driver may raise anything
-                self._guard.fail(error)
+                self._guard.fail(error, "send")
         self.sent = command
         return command
+
+    def _ask(
+        self, method: str, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs
+    ) -> T | None:
+        """Ask the vehicle, and note what its link then says of itself."""
+        try:
+            return self._guard.ask(method, call, *args, **kwargs)
+        finally:
+            self._in.update_state("then")
 
     def cancel_arming(self) -> None:
         """Stop arming for the command of a state that was left."""
@@ -280,35 +349,35 @@ class LinkOut:
     def cut(self, now: Time) -> None:
         """Stop the rotors at once."""
         if self._cut is not None:
-            self._guard.attempt(self._cut, now)
+            self._guard.attempt("cut", self._cut, now)
 
     def disarm_by_force(self, now: Time) -> None:
         """Disarm a vehicle that stands on the ground. Raises Refused."""
         if self._force is None:
             raise Refused("its driver can't")
-        self._guard.ask(self._force, now)
+        self._ask("disarm_by_force", self._force, now)
 
     def reclaim(self, now: Time) -> None:
         """Request control back from a pilot."""
         if self._reclaim is not None:
-            self._guard.attempt(self._reclaim, now)
+            self._guard.attempt("reclaim", self._reclaim, now)
 
     def tell_position(self, estimate: Estimate, now: Time) -> None:
         """Send the vehicle its externally measured position."""
         if self._tell_position is not None:
-            self._guard.attempt(self._tell_position, estimate, now)
+            self._guard.attempt("tell_position", self._tell_position, estimate, now)
 
     def grip(self, is_open: bool, now: Time) -> None:
         """Open or close the payload's servo. Raises Refused."""
         if self._grip is None:
             raise Refused("it has no servo for a payload")
-        self._guard.ask(self._grip, is_open, now)
+        self._ask("grip", self._grip, is_open, now)
 
     def perform(self, act: str, now: Time) -> None:
         """Request one of the driver's actions. Raises Refused."""
         if self._perform is None:
             raise Refused(f"its driver performs no `{act}`")
-        self._guard.ask(self._perform, act, now)
+        self._ask("perform", self._perform, act, now)
 
     @property
     def can_land(self) -> bool:
@@ -328,7 +397,7 @@ class LinkOut:
         """Request the vehicle's own land mode; return whether it has landed. Raises Refused."""
         if self._land is None:
             raise Refused("it has no land mode")
-        landed = self._guard.ask(self._land, now)
+        landed = self._ask("land", self._land, now)
         if landed is None:
             raise Refused(self._guard.error or "its link failed")
         return landed

@@ -30,6 +30,7 @@ from kybflow.core.signals import (
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.plan import VehiclePlan
 from kybflow.parts import GROUND, Link, TeamMember
+from kybflow.parts.link import Touch
 from kybflow.runtime.events import Events, VehicleObserver
 from kybflow.runtime.fleet.broadcasts import Broadcasts
 from kybflow.runtime.making import make
@@ -94,7 +95,7 @@ class Vehicle:
         self._supervisors = {p.label: make(p, p.params, context) for p in plan.supervisors}
         lines = {part.label: part.at for part in plan.parts}
         failsafe = Failsafe(plan.name, self._supervisors, lines, events)
-        guard = LinkGuard(plan.driver.label, failsafe.report)
+        guard = LinkGuard(plan.driver.label, failsafe.report, observer)
         link_in = LinkIn(plan, link, guard, events, score)
         link_out = LinkOut(plan, link, guard, link_in)
         knowledge = Knowledge(
@@ -237,6 +238,10 @@ class Vehicle:
         estimate, truth = knowledge.estimate, knowledge.link_in.truth
         self._observer.tick(now, estimate, wanted, followed, command, truth, knowledge.estimation)
         self.wanted = self._errors.update(now, wanted, truth or estimate, runner.flight, runner.leg)
+
+    def note_touch(self, touch: Touch) -> None:
+        """Record a contact that the vehicle's simulator reports."""
+        self._observer.answer(self.now, "touch", touch)
 
     @property
     def publishes(self) -> bool:

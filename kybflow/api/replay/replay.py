@@ -1,0 +1,155 @@
+"""Flies a record again and compares what is decided with what was decided.
+
+The first decision that differs ends the replay: from then on the recorded measurements no longer
+show what would have happened.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Iterable, Sequence
+from hashlib import sha256
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+from kybflow.api.flight import RunRequest, fly
+from kybflow.api.missions import compile_plan
+from kybflow.api.replay.tape import Tape, TapeEnded
+from kybflow.api.runs import Run
+from kybflow.core.errors import FileError
+from kybflow.core.files import read_all
+from kybflow.core.signals import NS, Event, Time
+from kybflow.dsl.reading.reader import RESOLVED
+from kybflow.parts import events as of
+from kybflow.recording.earlier_run import read_earlier_run
+from kybflow.recording.messages import read_recording
+from kybflow.recording.run_folder import LOG
+
+_SEEN_OUTSIDE = (
+    of.SensorFailed, of.SensorRecovered, of.MeasurementRefused, of.CameraFroze, of.CameraJumped,
+    of.CameraLostEvent, of.CameraRecovered, of.CameraSwappedEvent, of.TagsFound, of.TagsLost,
+)  # fmt: skip
+"""What is found on images and devices, which a record doesn't contain. The replay emits these
+events again."""
+_OF_THE_COMPUTER = (
+    of.RecordingStopped, of.ObserverFailed, of.CommandsFailed, of.RehearsalSkipped, of.TicksMissed,
+    of.RunEnded, of.PreflightPassed,
+)  # fmt: skip
+"""What says nothing of the mission, or is no decision."""
+_NOT_COMPARED = frozenset(event.name for event in (*_SEEN_OUTSIDE, *_OF_THE_COMPUTER))
+
+
+class Difference(NamedTuple):
+    """The first event that differs. recorded, replayed: what happened; None if nothing happened
+    then."""
+
+    recorded: Event | None
+    replayed: Event | None
+
+    @property
+    def time(self) -> float:
+        """Seconds since the start of the run."""
+        return min(event.time for event in self if event is not None) / NS
+
+
+class Replayed(NamedTuple):
+    """A replay. until: the time up to which it was the same, s. events, transitions: how many were
+    the same. difference: the first one, or None. is_whole: whether the record was flown to the end
+    of its run; a record that was cut short ends before."""
+
+    until: float
+    events: int
+    transitions: int
+    difference: Difference | None
+    is_whole: bool
+
+
+def replay(
+    run: str | Path,
+    *,
+    mission: str | Path | None = None,
+    parts: Sequence[str | Path] = (),
+    out: str | Path | None = None,
+) -> Replayed:
+    """Fly the recorded measurements of a run again, without any device.
+
+    mission: an edited mission that decides instead of the recorded one. parts: the files of the
+    parts that the run was flown with. out: a new folder for the record of the replay; None keeps
+    none. Raises RunFolderError if the run can't be read, MissionInvalid, PartError, RunUnwritten.
+    """
+    folder = Path(run)
+    recorded, earlier = Run.load(folder), read_earlier_run(folder)
+    flown = mission or _unchanged(recorded)
+    sets = earlier.sets if flown else ()
+    plan, _ = compile_plan(flown or folder / RESOLVED, earlier.target, sets, parts)
+    log = read_recording(folder / LOG)
+    names = {event.name for event in _SEEN_OUTSIDE}
+    outside: dict[str, list[Event]] = {name: [] for name in recorded.vehicles}
+    for event in recorded.events:
+        if event.name in names:
+            outside[event.vehicle].append(event)
+    comparison = _Comparison(recorded.events)
+    tape = Tape(log, outside, comparison.watch)
+    comparison.end = tape.end
+    with TemporaryDirectory(prefix="kybflow-replay-") as kept:
+        request = RunRequest(
+            earlier.seed, Path(out or Path(kept) / "run"), None, earlier.options,
+            earlier.emits, earlier.sets, earlier.commands, earlier.inputs, tape=tape,
+        )  # fmt: skip
+        fly(tape.plan(plan), request, [comparison.listen])
+    return comparison.result(is_whole=bool(recorded.summary))
+
+
+def _unchanged(run: Run) -> Path | None:
+    """Return the mission that was flown, if its files still are what they were."""
+    sources = run.provenance["sources"]
+    try:
+        known = [sha256(read_all(Path(of["path"]))).hexdigest() for of in sources]
+    except (OSError, FileError):
+        return None
+    is_same = known == [of["sha256"] for of in sources]
+    return Path(sources[0]["path"]) if is_same else None
+
+
+class _Comparison:
+    """Compares the events of a replay with those of the record. end: the time of the last recorded
+    tick."""
+
+    def __init__(self, recorded: Iterable[Event]) -> None:
+        self.end: Time = 0
+        self._left = deque(event for event in recorded if event.name not in _NOT_COMPARED)
+        self._difference: Difference | None = None
+        self._same = self._transitions = 0
+        self._until: Time = 0
+
+    def listen(self, event: Event) -> None:
+        if event.name in _NOT_COMPARED or self._difference is not None:
+            return
+        expected = self._left[0] if self._left else None
+        if expected is not None and _fact(expected) == _fact(event):
+            self._left.popleft()
+            self._same += 1
+            self._transitions += event.name == of.BehaviorStarted.name
+        else:
+            self._difference = Difference(expected, event)
+
+    def watch(self, now: Time) -> None:
+        """Stop the replay if an event differed in the last tick, or did not happen."""
+        if self._difference is None and self._left and self._left[0].time < now:
+            self._difference = Difference(self._left[0], None)
+        if self._difference is not None:
+            raise TapeEnded("a decision differs from the recorded one")
+        self._until = now
+
+    def result(self, *, is_whole: bool) -> Replayed:
+        missing = next((event for event in self._left if event.time <= self.end), None)
+        if self._difference is None and missing is not None:
+            self._difference = Difference(missing, None)
+        until = min(self._until, self.end) / NS
+        return Replayed(until, self._same, self._transitions, self._difference, is_whole)
+
+
+def _fact(event: Event) -> tuple[Any, ...]:
+    return event.time, event.name, event.vehicle, json.dumps(event.fields, sort_keys=True)
