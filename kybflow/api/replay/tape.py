@@ -62,7 +62,7 @@ class TapeEnded(DriverError):
     """The replay stops here: the record ends, or a decision differs from the recorded one."""
 
 
-class Turn:
+class _Turn:
     """The last tick of the preflight and the first one of the flight have the same time. What
     arrived in the latter is given out 1 ns later. is_flight: whether the flight has begun."""
 
@@ -96,7 +96,7 @@ class Turn:
 class Queue(Generic[T]):
     """Recorded values in order, given out when their time has come."""
 
-    def __init__(self, turn: Turn, entries: Iterable[tuple[Time, T]] = ()) -> None:
+    def __init__(self, turn: _Turn, entries: Iterable[tuple[Time, T]] = ()) -> None:
         self._turn, self._entries = turn, deque(entries)
 
     def __bool__(self) -> bool:
@@ -134,7 +134,7 @@ class Tape:
         watch: Callable[[Time], None],
     ) -> None:
         self._log, self._outside, self._watch = log, outside, watch
-        self._turn = Turn(log)
+        self._turn = _Turn(log)
         ticks = [log[f"/{name}/tick"].times for name in log.mission["vehicles"]]
         self._ticks: list[Time] = next((times.tolist() for times in ticks if len(times)), [])
         self.end: Time = self._ticks[-1] if self._ticks else log.end
@@ -330,7 +330,7 @@ class _TapeEstimator(Estimator[_RecordedEstimates]):
 
 
 class _TapeStream(Stream):
-    def __init__(self, turn: Turn, measured: Queue[Measurement]) -> None:
+    def __init__(self, turn: _Turn, measured: Queue[Measurement]) -> None:
         self._turn, self._measured = turn, measured
 
     def read(self, now: Time) -> Sequence[Measurement]:
@@ -398,7 +398,7 @@ class _TapeLink(Link):
     def __init__(
         self,
         name: str,
-        turn: Turn,
+        turn: _Turn,
         measured: Queue[Measurement],
         heard: Queue[Measurement],
         answers: Mapping[str, Queue[Any]],
