@@ -13,10 +13,11 @@ from typer import Exit
 from kybflow.api.flight import Flown, inspect
 from kybflow.cli.commands import preflight
 from kybflow.cli.commands.preflight import table
-from kybflow.cli.printing.flights import outcome, sentence
+from kybflow.cli.printing.flights import EventLines, outcome, sentence
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Event
 from kybflow.core.text import detailed, details, headline
+from kybflow.dsl.resolving.library_files import installed
 from kybflow.parts import Link
 from kybflow.recording.outcome import EXIT_CODES
 from kybflow.runtime.preflight import PreflightResult
@@ -59,6 +60,29 @@ def test_a_run_tells_the_table_with_the_event_and_leaves_its_end_to_the_summary(
     assert all(row.startswith(" " * 20) for row in below)
     ended = sentence(Event(2 * NS, "run_ended", "", {"reason": f"preflight: a: {REASON}"}, ""))
     assert ended.endswith(" run_ended")
+
+
+@pytest.mark.parametrize("verbose", [False, True])
+def test_passed_checks_are_one_line_per_vehicle_unless_each_is_wanted(verbose):
+    lines = []
+    write = EventLines(lines.append, verbose=verbose)
+    passed = [("a", "link"), ("b", "link"), ("b", "battery"), ("a", "input stick")]
+    for name, check in passed:
+        write(Event(NS // 2, "preflight_passed", name, {"check": check, "found": "well"}))
+    assert len(lines) == (4 if verbose else 0)
+    write(Event(NS, "behavior_started", "a", {"behavior": "up"}))
+    if not verbose:
+        assert lines == [
+            "   0.50 s  a        preflight: 2 checks passed",
+            "   0.50 s  b        preflight: 2 checks passed",
+            "   1.00 s  a        behavior_started up",
+        ]
+
+
+def test_a_line_of_an_installed_library_is_named_as_it_is_imported():
+    home = installed("kybflow")
+    line = sentence(Event(NS, "body_lost", "a", {}, f"{home}/defaults.yaml:7"))
+    assert line.endswith("  [kybflow/missions/library/defaults.yaml:7]")
 
 
 def told(factor: float | None, *, has_pace: bool, reason: str | None = None) -> list[str]:

@@ -4,14 +4,17 @@ flight took."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kybflow.core.signals import NS, Event
+from kybflow.core.signals import NS, Event, Time
 from kybflow.core.text import details, headline
 from kybflow.core.units import format_measured
+from kybflow.dsl.resolving.library_files import without_homes
+from kybflow.parts.events import PreflightPassed
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -23,6 +26,28 @@ _MARGIN = " " * 20
 _NOTABLE_S = 0.1
 """Time without a value that is worth a word, s."""
 _QUIET_FIELDS = frozenset({"behavior", "part", "traceback"})
+
+
+class EventLines:
+    """Formats the events of a run and passes each on to `write`. The checks before take-off that
+    passed become one line per vehicle, which counts them, unless `verbose`."""
+
+    def __init__(self, write: Callable[[str], None], *, verbose: bool = False) -> None:
+        self._write, self._verbose = write, verbose
+        self._passed = Counter[tuple[Time, str]]()
+
+    def __call__(self, event: Event) -> None:
+        if event.name == PreflightPassed.name and not self._verbose:
+            self._passed[event.time, event.vehicle] += 1
+            return
+        for (time, vehicle), count in self._passed.items():
+            self._write(f"{_beginning(time, vehicle)}preflight: {count} checks passed")
+        self._passed.clear()
+        self._write(sentence(event))
+
+
+def _beginning(time: Time, vehicle: str) -> str:
+    return f"{time / NS:7.2f} s  {vehicle:8} "
 
 
 def sentence(event: Event) -> str:
@@ -37,8 +62,8 @@ def sentence(event: Event) -> str:
     quiet = _QUIET_FIELDS | {"reason"} if event.name == "run_ended" else _QUIET_FIELDS
     shown = {k: v for k, v in fields.items() if k not in quiet and v is not None}
     words += [f"{k}={headline(_short(v))}" for k, v in shown.items()]
-    at = f"  [{event.at}]" if event.at else ""
-    line = f"{event.time / NS:7.2f} s  {event.vehicle:8} {' '.join(words)}{at}"
+    at = f"  [{without_homes(event.at)}]" if event.at else ""
+    line = f"{_beginning(event.time, event.vehicle)}{' '.join(words)}{at}"
     below = (row for value in shown.values() for row in details(_short(value)))
     return "\n".join([line, *(f"{_MARGIN}{row}" for row in below)])
 
