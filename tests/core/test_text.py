@@ -89,8 +89,8 @@ def told(factor: float | None, *, has_pace: bool, reason: str | None = None) -> 
     """The summary that `kybflow run` prints."""
     summary = {
         "mission": "m", "outcome": "failed" if reason else "succeeded", "reason": reason,
-        "expectations": [], "never_injected": [], "commands": [], "sim_time_s": 3.0,
-        "wall_time_s": 10.0, "real_time_factor": factor,
+        "expectations": [], "vehicles": {}, "never_injected": [], "commands": [],
+        "sim_time_s": 3.0, "wall_time_s": 10.0, "real_time_factor": factor,
     }  # fmt: skip
     return list(outcome(Flown(Path("runs/x"), summary), has_pace=has_pace))
 
@@ -112,7 +112,7 @@ def test_no_pace_is_shown_where_there_is_none(factor, has_pace):
 
 def test_the_summary_does_not_tell_the_table_again():
     [first, _] = told(1.0, has_pace=False, reason=f"preflight: a: parameters: {REASON}")
-    assert first == "m failed: preflight: a: parameters: 2 are wrong"
+    assert first == "m FAILED: preflight: a: parameters: 2 are wrong"
 
 
 class Unplugged(Link):

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 from kybflow.core.signals import NS, Event, Time
 from kybflow.core.text import details, headline
-from kybflow.core.units import format_measured
 from kybflow.dsl.resolving.library_files import without_homes
 from kybflow.parts.events import PreflightPassed
+from kybflow.recording.outcome import measured
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 _MARGIN = " " * 20
 _NOTABLE_S = 0.1
 """Time without a value that is worth a word, s."""
+_MEASURED = ("text", "held", "value", "margin", "unit", "when_s")
+"""The fields of an expectation that `measured` takes."""
 _QUIET_FIELDS = frozenset({"behavior", "part", "traceback"})
 
 
@@ -76,27 +78,25 @@ def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
     """Yield the lines printed after a run. has_pace: whether its clock may differ from real
     time."""
     summary = flown.summary
-    for expectation in summary["expectations"]:
-        mark = "held  " if expectation["held"] else "FAILED"
-        value, unit = expectation["value"], str(expectation["unit"])
-        measured = f"  ({format_measured(value, unit)})" if isinstance(value, float) else ""
-        if (when := expectation["when_s"]) is not None:
-            measured = f"  (nearest: {format_measured(value, unit)} at {when:.4g} s)"
-        elif not expectation["held"] and value is None:
-            measured = "  (never)" if expectation["text"].startswith("eventually") else measured
+    began = any(vehicle["behaviors"] for vehicle in summary["vehicles"].values())
+    for expectation in summary["expectations"] if began else ():
+        mark, at = ("held  ", "") if expectation["held"] else ("FAILED", f"  [{expectation['at']}]")
+        how = measured(*(expectation[key] for key in _MEASURED))
+        value = f"  ({how})" if how else ""
         unknown = expectation["unknown_s"]
         gap = f"; unknown for {unknown:.1f} s of the flight" if unknown > _NOTABLE_S else ""
-        yield f"{mark}  {expectation['text']}{measured}{gap}"
+        yield f"{mark}  {expectation['text']}{value}{gap}{at}"
     for fault in summary["never_injected"]:
         yield f"the fault `{fault['fault']}` never happened  [{fault['at']}]"
     for given in summary["commands"]:
         yield f"`{given['command']}` was commanded at {given['t_s']:g} s by {given['by']}"
     for seconds, name in flown.never_given:
         yield f"`{name}` at {seconds:g} s was never given, because the run ended first"
-    reason = f": {headline(summary['reason'])}" if summary["reason"] else ""
-    yield f"{summary['mission']} {summary['outcome']}{reason}"
     if summary.get("missed_ticks"):
         yield f"{summary['missed_ticks']} ticks were missed: the computer was late"
+    reason = f": {headline(summary['reason'])}" if summary["reason"] else ""
+    ended = summary["outcome"].replace("_", " ").replace("failed", "FAILED")
+    yield f"{summary['mission']} {ended}{reason}"
     pace, factor = "", summary["real_time_factor"]
     if has_pace and factor is not None:  # one significant digit below 1
         pace = f" ({factor:.0f} x real time)" if factor >= 1.0 else f" ({factor:.1g} x real time)"
