@@ -28,7 +28,8 @@ _STYLES = (
     (r"(?m)^ +\d+ \|| {6}[|=]", "blue"),
     (r"\bhelp:", "green"),
     (r"(?m)^(?:held|green)\b|^\S+ succeeded$|\bpreflight: \d+ checks passed$", "green"),
-    (r"(?m)^(?:FAILED|RED)\b|^\S+ (?:driver )?FAILED\b|^error:|\b\w+_failed\b", "bold red"),
+    (r"(?m)^(?:FAILED|DRIVER_FAILED|INVALID|RED)\b", "bold red"),
+    (r"(?m)^\S+ (?:driver )?FAILED\b|^error:|\b\w+_failed\b", "bold red"),
     (r"(?m)^\S+ interrupted\b|^warning:|\bfailsafe_started\b", "bold yellow"),
 )
 

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kybflow.cli.output import styled
 from kybflow.core.signals import NS, Event, Time
 from kybflow.core.text import details, headline
 from kybflow.dsl.resolving.library_files import without_homes
@@ -92,8 +93,9 @@ def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
         yield f"`{given['command']}` was commanded at {given['t_s']:g} s by {given['by']}"
     for seconds, name in flown.never_given:
         yield f"`{name}` at {seconds:g} s was never given, because the run ended first"
-    if summary.get("missed_ticks"):
-        yield f"{summary['missed_ticks']} ticks were missed: the computer was late"
+    if missed := summary.get("missed_ticks"):
+        ticks = "tick was" if missed == 1 else "ticks were"
+        yield f"{missed} {ticks} missed: the computer was late"
     reason = f": {headline(summary['reason'])}" if summary["reason"] else ""
     ended = summary["outcome"].replace("_", " ").replace("failed", "FAILED")
     yield f"{summary['mission']} {ended}{reason}"
@@ -110,10 +112,10 @@ def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
 def progress(console: Console, total: int) -> Iterator[Callable[[FlightResult], None]]:
     """Show a progress bar on a terminal. Yield the function to call after each flight; it prints
     failures even if there is no bar."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich import progress as bars
 
     def show(text: str) -> None:
-        console.print(text, markup=False, soft_wrap=True)
+        console.print(styled(text), soft_wrap=True)
 
     def done(result: FlightResult) -> None:
         bar.advance(task)
@@ -125,10 +127,9 @@ def progress(console: Console, total: int) -> Iterator[Callable[[FlightResult], 
         if result.folder is not None:
             show(f"    kept in {result.folder}")
 
-    shown = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(
-        *shown, TimeElapsedColumn(), console=console, disable=not console.is_terminal
-    ) as bar:
+    shown = (bars.TextColumn("{task.description}"), bars.BarColumn(), bars.MofNCompleteColumn())
+    times = (bars.TimeElapsedColumn(), bars.TimeRemainingColumn(), bars.TextColumn("left"))
+    with bars.Progress(*shown, *times, console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task("flying", total=total)
         yield done
 
