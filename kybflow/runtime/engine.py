@@ -164,7 +164,7 @@ class Engine:
             return f"{self._stopped}, before the preflight was over"
         if red:
             first, *others = (f"{x.vehicle}: {x.check}: {x.reason}" for x in red)
-            count = f", and {len(others)} more red lines" if others else ""
+            count = f", and {len(others)} more red line{'s' * (len(others) > 1)}" if others else ""
             below = [*details(first), *(row for text in others for row in text.splitlines())]
             return detailed(f"preflight: {headline(first)}{count}", below)
         for vehicle in self.vehicles:
