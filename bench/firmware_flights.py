@@ -73,7 +73,7 @@ PHASES = {"take-off": ("up", 0.0), "flight": ("(eight|aside|hold)", 3.0), "landi
 LINE = re.compile(r" *[\d.]+ s  (\w+) +(.*)")
 TAKES = "failsafe_started|control_returned|land_mode_started"
 UNTRUE = "foreign_command|control_taken|mocap_frame_wrong|mocap_frame_unchecked"
-LEFT, SUNK = re.compile(r"`\w+` flew outside the fence; "), -0.08
+LEFT, SUNK = re.compile(r"`\w+` flew [\d.]+ m outside the fence; "), -0.08
 """PX4's floor lets a vehicle sink while its thrust exceeds its weight; metres."""
 EXPECTED = re.compile(r"\d+ of \d+ expectations did not hold")
 FASTEST, SLOWEST, LONGEST = 0.3, 1.0, 90.0

@@ -3,6 +3,7 @@ their other end."""
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 import select
@@ -15,6 +16,7 @@ from typing import IO, TYPE_CHECKING, Any, TextIO, TypeVar, cast
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.text import Text
 
 Key = TypeVar("Key")
 Value = TypeVar("Value")
@@ -25,6 +27,10 @@ _STYLES = (
     (r"(?m)^ {6}\| .*$", "red"),
     (r"(?m)^ +\d+ \|| {6}[|=]", "blue"),
     (r"\bhelp:", "green"),
+    (r"(?m)^(?:held|green)\b|^\S+ succeeded$|\bpreflight: \d+ checks passed$", "green"),
+    (r"(?m)^(?:FAILED|DRIVER_FAILED|INVALID|RED)\b", "bold red"),
+    (r"(?m)^\S+ (?:driver )?FAILED\b|^error:|\b\w+_failed\b", "bold red"),
+    (r"(?m)^\S+ interrupted\b|^warning:|\bfailsafe_started\b", "bold yellow"),
 )
 
 
@@ -106,7 +112,7 @@ class UnwaitedStream:
         return len(text)
 
     def line(self, text: str) -> None:
-        self.write(f"{text}\n")
+        self.write(f"{_for(self._stream, text)}\n")
 
     def flush(self) -> None:
         """Do nothing: the thread writes as soon as it can."""
@@ -150,7 +156,12 @@ _MOST_WAITING = 1 << 18
 def echo(text: str, err: bool = False) -> None:
     """Print `text`, in colour on a terminal."""
     stream = sys.stderr if err else sys.stdout
-    stream.write(f"{coloured(text) if stream.isatty() else text}\n")
+    stream.write(f"{_for(stream, text)}\n")
+
+
+def _for(stream: IO[str], text: str) -> str:
+    """Return `text`, in colour if the stream is a terminal, unless NO_COLOR is set."""
+    return coloured(text) if stream.isatty() and not os.environ.get("NO_COLOR") else text
 
 
 def grouped(pairs: Iterable[tuple[Key, Value]]) -> dict[Key, list[Value]]:
@@ -175,7 +186,7 @@ def printer(stream: IO[str]) -> Callable[[str], None]:
     guarded = GuardedStream(stream)
 
     def write(line: str) -> None:
-        guarded.write(f"{line}\n")
+        guarded.write(f"{_for(stream, line)}\n")
         guarded.flush()
 
     return write
@@ -210,15 +221,26 @@ def console(stream: IO[str] | UnwaitedStream) -> Console:
 
 
 def coloured(text: str) -> str:
-    """Add colour codes to the text of findings."""
+    """Add colour codes to findings and to the lines of a run."""
+    console = _colouring()
+    with console.capture() as capture:
+        console.print(styled(text), end="", soft_wrap=True)
+    return capture.get()
+
+
+@functools.cache
+def _colouring() -> Console:
     from rich.console import Console
+
+    return Console(force_terminal=True, highlight=False)
+
+
+def styled(text: str) -> Text:
+    """Return findings, or the lines of a run, with their styles."""
     from rich.text import Text
 
-    styled = Text(text)
+    found = Text(text)
     for pattern, style in _STYLES:
         for match in re.finditer(pattern, text):
-            styled.stylize(style, *match.span())
-    console = Console(force_terminal=True, highlight=False)
-    with console.capture() as capture:
-        console.print(styled, end="", soft_wrap=True)
-    return capture.get()
+            found.stylize(style, *match.span())
+    return found

@@ -42,7 +42,7 @@ class KeyboardParams:
 
 class Keyboard(Input[KeyboardParams]):
     stuck_after = None
-    reads_terminal = True
+    terminal_keys = "w s climb and sink, a d turn, arrows fly, space stops"
 
     @classmethod
     def buttons(cls, params: KeyboardParams) -> tuple[str, ...]:

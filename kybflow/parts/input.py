@@ -50,7 +50,8 @@ class Input(Part[P]):
 
     stuck_after: seconds after which an axis away from its centre counts as stuck if it repeats one
     value, unless the mission sets another time; None for a device whose axes have steps.
-    reads_terminal: whether it reads the keys of the terminal, which nothing else may then read.
+    terminal_keys: the keys of the terminal that it reads, and what they do, as the live table shows
+    them; nothing else may then read the terminal. Empty if it reads none.
     reported_as: the measurement with which the vehicle of its parameter `vehicle` reports it; None
     for a device of this computer.
     """
@@ -58,7 +59,7 @@ class Input(Part[P]):
     kind = "inputs"
     helpers = frozenset({"deflection", "haptics", "rows", "sdl"})
     stuck_after: ClassVar[float | None] = 10.0
-    reads_terminal: ClassVar[bool] = False
+    terminal_keys: ClassVar[str] = ""
     reported_as: ClassVar[MeasurementKind | None] = None
 
     @classmethod

@@ -18,6 +18,7 @@ times in seconds. Numbers have six significant digits. Null means "unknown" or "
 - `flows.NAME.phases`: one entry for each time a phase was entered; `ended` is next, within, done
   (its vehicles have left the requested states), asked, operator or run_ended.
 - `expectations`: each line of `expect:`; `margin`, in the value's `unit`, is positive if it held;
+  `when_s`: when the value was measured, for an `eventually` or `always` that did not hold;
   `unknown_s`: the time in flight for which its value was unknown, so that it says nothing.
 - `never_injected`: the faults whose time or condition never came.
 - `commands`: the commands of people that were accepted.
@@ -33,6 +34,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from kybflow.core.errors import DRIVER_FAILED, FAILED, INTERRUPTED
 from kybflow.core.signals import NS, Event
+from kybflow.core.units import format_measured
 from kybflow.dsl.plan import FaultPlan, Plan
 from kybflow.dsl.resolving.library_files import without_homes
 from kybflow.runtime.scores import Score, rounded
@@ -72,7 +74,8 @@ class Ending:
 
 def decide(score: Score, verdicts: Sequence[Verdict], ending: Ending) -> tuple[Outcome, str | None]:
     """Return the most serious outcome that applies, and its reason; None as the reason of a
-    success."""
+    success. If there is another reason, the expectations that did not hold are only counted; if no
+    behavior began, they are left out."""
     if ending.driver is not None:
         return "driver_failed", "; ".join(filter(None, (ending.driver, ending.recording)))
     if ending.interrupted:
@@ -89,11 +92,36 @@ def decide(score: Score, verdicts: Sequence[Verdict], ending: Ending) -> tuple[O
         found.append(f"{' and '.join(ending.in_air)} ended in the air")
     if ending.unheard:
         found.append(f"{' and '.join(ending.unheard)} was not heard at the end")
-    if broken := [verdict.text for verdict in verdicts if not verdict.held]:
-        count = f"{len(broken)} of {len(verdicts)} expectations did not hold"
-        found.append(f"{count}: {'; '.join(broken)}")
+    broken = [verdict for verdict in verdicts if ended and not verdict.held]
+    if broken:
+        count, first = f"{len(broken)} of {len(verdicts)} expectations did not hold", broken[0]
+        how = measured(*first[:5], first.when)
+        which = f"{', first' if broken[1:] else ':'} `{first.text}`{': ' if how else ''}{how}"
+        place = f"  [{without_homes(first.at)}]" if first.at else ""
+        found.append(count if found else f"{count}{which}{place}")
     found += [ending.recording] if ending.recording else []
     return ("failed", "; ".join(found)) if found else ("succeeded", None)
+
+
+def measured(
+    text: str,
+    held: bool,
+    value: float | None,
+    margin: float | None,
+    unit: str,
+    when: float | None,
+) -> str:
+    """Return the measured value of an expectation, its time if that is known, and how far it is
+    beyond the bound; empty if there is none. The arguments are those of `Verdict`."""
+    is_eventual = text.startswith("eventually")
+    if value is None:
+        return "never" if is_eventual and not held else ""
+    words = format_measured(value, unit)
+    if when is not None:
+        words = f"{'nearest: ' if is_eventual else ''}{words} at {when:.4g} s"
+    if held or margin is None or margin >= 0.0:
+        return words
+    return f"{words}, off by {format_measured(-margin, unit)}"
 
 
 def summarise(

@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 
 from kybflow.core.errors import described, traceback_of
 from kybflow.core.signals import NS, Time
+from kybflow.core.text import detailed, details, headline
 from kybflow.dsl.expressions import Expression
 from kybflow.dsl.names import FAULT
 from kybflow.dsl.plan import Plan
@@ -164,7 +165,10 @@ class Engine:
         if self._stopped is not None:
             return f"{self._stopped}, before the preflight was over"
         if red:
-            return "preflight: " + "; ".join(f"{x.vehicle}: {x.check}: {x.reason}" for x in red)
+            first, *others = (f"{x.vehicle}: {x.check}: {x.reason}" for x in red)
+            count = f", and {len(others)} more red line{'s' * (len(others) > 1)}" if others else ""
+            below = [*details(first), *(row for text in others for row in text.splitlines())]
+            return detailed(f"preflight: {headline(first)}{count}", below)
         for vehicle in self.vehicles:
             vehicle.begin(self._condition(vehicle.name))
         self.flying, self._begun = True, self.clock.now

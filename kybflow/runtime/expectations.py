@@ -29,8 +29,8 @@ class Assessment(NamedTuple):
     margin: the distance to the bound, negative if it was violated; None without a bound.
     unit: the SI unit of both.
     unknown: the number of ticks in flight without a value.
-    when: for an `eventually` that did not hold, the time of its value, which is the one nearest to
-    the bound, s; otherwise None.
+    when: the time of the value, s: for an `eventually` that did not hold, of the one nearest to the
+    bound, for an `always` that did not hold, of the worst; otherwise None.
     """
 
     held: bool
@@ -136,8 +136,8 @@ class _Statistic(_AtTheEnd):
 
 
 class _Bound:
-    """`always separation(all) > 60 cm`: records the worst value and its margin. Ticks in which the
-    value is unavailable are only counted."""
+    """`always separation(all) > 60 cm`: records the worst value, its margin and its time. Ticks in
+    which the value is unavailable are only counted."""
 
     def __init__(self, condition: tree.Compare, views: Mapping[str, View], now: Now) -> None:
         self._unit = _unit(condition.left)
@@ -146,9 +146,10 @@ class _Bound:
         self._left = value_of(condition.left, views, None, now)
         self._right = value_of(condition.right, views, None, now)
         self._flies = _flies(condition.left, views)
+        self._now = now
         self._held = True
         self._value: float | None = None
-        self._margin = inf
+        self._margin, self._when = inf, 0.0
         self._unknown = 0
 
     def sample(self) -> None:
@@ -159,13 +160,14 @@ class _Bound:
             return
         margin = (bound - value) * self._sign
         if margin < self._margin:
-            self._margin, self._value = margin, value
+            self._margin, self._value, self._when = margin, value, self._now()
             self._held = self._holds(value, bound)
 
     def found(self, finished_at: float | None) -> Assessment:
         if self._value is None:
             return Assessment(False, None, None, self._unit, self._unknown)
-        return Assessment(self._held, self._value, self._margin, self._unit, self._unknown)
+        when = None if self._held else self._when
+        return Assessment(self._held, self._value, self._margin, self._unit, self._unknown, when)
 
 
 class _Unbroken:
@@ -245,7 +247,7 @@ class _Last(_AtTheEnd):
             return Assessment(self._condition(), None, None, "")
         bound = self._made()
         bound.sample()
-        return bound.found(finished_at)
+        return bound.found(finished_at)._replace(when=None)
 
 
 class _InTime(_AtTheEnd):

@@ -354,7 +354,7 @@ def test_a_disk_that_is_full_at_the_end_is_told(
     monkeypatch.setattr(run_folder, "write_file", full)
     result = invoke("run", FIRST, "--out", str(tmp_path))
     assert result.exit_code == 1
-    assert "first_flight failed: `" in result.output
+    assert "first_flight FAILED: `" in result.output
     assert "can't be written: No space left on device" in result.output
     assert "run_ended" in (tmp_path / "events.jsonl").read_text()
 

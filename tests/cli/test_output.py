@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from waiting import until
 
-from kybflow.cli.output import UnwaitedStream
+from kybflow.cli.output import UnwaitedStream, echo
 
 MISSION = Path(__file__).parents[2] / "missions" / "first_flight.yaml"
 
@@ -46,6 +46,39 @@ def test_a_stream_without_a_descriptor_gets_everything_in_order() -> None:
         out.line("one")
         out.line("two")
     assert stream.getvalue() == "one\ntwo\n"
+
+
+class Screen(io.StringIO):
+    """A terminal that remembers what it shows."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+LINES = {
+    "held    finally nano in landed": "\x1b[32mheld\x1b[0m    finally nano in landed",
+    "FAILED  finally nano in landed": "\x1b[1;31mFAILED\x1b[0m  finally nano in landed",
+    "RED    nano  link": "\x1b[1;31mRED\x1b[0m    nano  link",
+    "hop succeeded": "\x1b[32mhop succeeded\x1b[0m",
+    "hop FAILED: why": "\x1b[1;31mhop FAILED\x1b[0m: why",
+    "hop interrupted: why": "\x1b[1;33mhop interrupted\x1b[0m: why",
+    "a log that held FAILED [b]": "a log that held FAILED [b]",
+}
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_a_terminal_has_colours_unless_they_are_declined(line: str, monkeypatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setattr("sys.stdout", screen := Screen())
+    echo(line)
+    monkeypatch.setenv("NO_COLOR", "1")
+    with UnwaitedStream(screen) as out:
+        out.line(line)
+    monkeypatch.setattr("sys.stdout", piped := io.StringIO())
+    echo(line)
+    assert screen.getvalue() == f"{LINES[line]}\n{line}\n"
+    assert piped.getvalue() == f"{line}\n"
 
 
 @pytest.mark.thorough

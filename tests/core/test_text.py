@@ -13,10 +13,11 @@ from typer import Exit
 from kybflow.api.flight import Flown, inspect
 from kybflow.cli.commands import preflight
 from kybflow.cli.commands.preflight import table
-from kybflow.cli.printing.flights import outcome, sentence
+from kybflow.cli.printing.flights import EventLines, outcome, sentence
 from kybflow.core.errors import DriverError
 from kybflow.core.signals import NS, Event
 from kybflow.core.text import detailed, details, headline
+from kybflow.dsl.resolving.library_files import installed
 from kybflow.parts import Link
 from kybflow.recording.outcome import EXIT_CODES
 from kybflow.runtime.preflight import PreflightResult
@@ -61,12 +62,35 @@ def test_a_run_tells_the_table_with_the_event_and_leaves_its_end_to_the_summary(
     assert ended.endswith(" run_ended")
 
 
+@pytest.mark.parametrize("verbose", [False, True])
+def test_passed_checks_are_one_line_per_vehicle_unless_each_is_wanted(verbose):
+    lines = []
+    write = EventLines(lines.append, verbose=verbose)
+    passed = [("a", "link"), ("b", "link"), ("b", "battery"), ("a", "input stick")]
+    for name, check in passed:
+        write(Event(NS // 2, "preflight_passed", name, {"check": check, "found": "well"}))
+    assert len(lines) == (4 if verbose else 0)
+    write(Event(NS, "behavior_started", "a", {"behavior": "up"}))
+    if not verbose:
+        assert lines == [
+            "   0.50 s  a        preflight: 2 checks passed",
+            "   0.50 s  b        preflight: 2 checks passed",
+            "   1.00 s  a        behavior_started up",
+        ]
+
+
+def test_a_line_of_an_installed_library_is_named_as_it_is_imported():
+    home = installed("kybflow")
+    line = sentence(Event(NS, "body_lost", "a", {}, f"{home}/defaults.yaml:7"))
+    assert line.endswith("  [kybflow/missions/library/defaults.yaml:7]")
+
+
 def told(factor: float | None, *, has_pace: bool, reason: str | None = None) -> list[str]:
     """The summary that `kybflow run` prints."""
     summary = {
         "mission": "m", "outcome": "failed" if reason else "succeeded", "reason": reason,
-        "expectations": [], "never_injected": [], "commands": [], "sim_time_s": 3.0,
-        "wall_time_s": 10.0, "real_time_factor": factor,
+        "expectations": [], "vehicles": {}, "never_injected": [], "commands": [],
+        "sim_time_s": 3.0, "wall_time_s": 10.0, "real_time_factor": factor,
     }  # fmt: skip
     return list(outcome(Flown(Path("runs/x"), summary), has_pace=has_pace))
 
@@ -88,7 +112,7 @@ def test_no_pace_is_shown_where_there_is_none(factor, has_pace):
 
 def test_the_summary_does_not_tell_the_table_again():
     [first, _] = told(1.0, has_pace=False, reason=f"preflight: a: parameters: {REASON}")
-    assert first == "m failed: preflight: a: parameters: 2 are wrong"
+    assert first == "m FAILED: preflight: a: parameters: 2 are wrong"
 
 
 class Unplugged(Link):

@@ -8,12 +8,13 @@ import pytest
 from recorded_run import make_plan
 
 from kybflow.core.errors import INVALID
-from kybflow.recording.outcome import EXIT_CODES, Ending, decide, summarise
+from kybflow.recording.outcome import EXIT_CODES, Ending, decide, measured, summarise
 from kybflow.runtime.expectations import Verdict
 from kybflow.runtime.scores import Score
 
 HELD = Verdict("finished within 60 s", True, 41.25, 18.75, "s", "m.yaml:31")
-UNMET = "expectations did not hold: max(mk.position_error) < 1 cm"
+UNMET = "`max(mk.position_error) < 1 cm`: 3.12 cm, off by 2.12 cm  [m.yaml:32]"
+NEVER = Verdict("eventually mk in landed", False, None, None, "s", "m.yaml:33")
 BROKEN = Verdict("max(mk.position_error) < 1 cm", False, 0.0312, -0.0212, "m", "m.yaml:32")
 
 
@@ -122,7 +123,12 @@ def test_the_summary_has_the_documented_shape():
             ("interrupted", "interrupted; the disk is full"),
         ),
         ([HELD], Ending(), ("succeeded", None)),
-        ([HELD, BROKEN], Ending(), ("failed", f"1 of 2 {UNMET}")),
+        ([HELD, BROKEN], Ending(), ("failed", f"1 of 2 expectations did not hold: {UNMET}")),
+        (
+            [BROKEN, HELD, NEVER],
+            Ending(),
+            ("failed", f"2 of 3 expectations did not hold, first {UNMET}"),
+        ),
         ([HELD], Ending("not finished in time"), ("failed", "not finished in time")),
         ([HELD], Ending(in_air={"mk"}), ("failed", "mk ended in the air")),
         ([HELD], Ending(recording="disk full"), ("failed", "disk full")),
@@ -131,12 +137,38 @@ def test_the_summary_has_the_documented_shape():
         (
             [BROKEN],
             Ending("late", in_air={"mk"}),
-            ("failed", f"late; mk ended in the air; 1 of 1 {UNMET}"),
+            ("failed", "late; mk ended in the air; 1 of 1 expectations did not hold"),
         ),
     ],
 )
 def test_the_gravest_decides(verdicts, ending, expected):
     assert decide(flown_score(), verdicts, ending) == expected
+
+
+def test_before_anything_flew_no_expectation_is_a_reason():
+    score = Score(make_plan("mk"))
+    assert decide(score, [BROKEN], Ending("preflight")) == ("failed", "preflight")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "shown"),
+    [
+        (HELD, "41.2 s"),
+        (BROKEN, "3.12 cm, off by 2.12 cm"),
+        (
+            BROKEN._replace(text="always a.b < 1 m", when=12.34),
+            "3.12 cm at 12.34 s, off by 2.12 cm",
+        ),
+        (NEVER, "never"),
+        (
+            NEVER._replace(value=1.2, margin=-0.2, unit="m", when=3.0),
+            "nearest: 1.2 m at 3 s, off by 20 cm",
+        ),
+        (NEVER._replace(text="finally mk in landed"), ""),
+    ],
+)
+def test_a_measured_value_says_when_and_how_far_off(verdict, shown):
+    assert measured(*verdict[:5], verdict.when) == shown
 
 
 def test_nobody_knows_where_a_vehicle_is_that_is_not_heard():

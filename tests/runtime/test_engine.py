@@ -16,6 +16,7 @@ from kybflow.api.flight import is_in_air
 from kybflow.core.errors import Refused
 from kybflow.core.geometry import ZERO, Vec3
 from kybflow.core.signals import NS, Failed, Setpoint, SetpointKind, Tick, Truth
+from kybflow.core.text import headline
 from kybflow.drivers.sim import Sim
 from kybflow.dsl.expressions import Finally, Finished, InState
 from kybflow.dsl.plan import EstimatorPlan, ExpectationPlan, TransitionPlan
@@ -215,7 +216,11 @@ def test_preflight_keeps_a_vehicle_without_poses_on_the_ground(run):
     flown, told = run(vehicle("a", [up("down"), down()], driver=deaf()))
     assert named(told, "behavior_started") == []
     assert flown.exit_code == 1
-    assert "a: estimate: no healthy estimate from mocap" in flown.summary["reason"]
+    reason = flown.summary["reason"]
+    assert "a: estimate: no healthy estimate from mocap" in reason
+    first, *others = named(told, "preflight_failed")
+    words = f"preflight: a: {first.fields['check']}: {first.fields['reason']}"
+    assert headline(reason) == f"{words}, and {len(others)} more red lines"
 
 
 def test_after_a_failed_preflight_no_vehicle_is_in_a_state(run):

@@ -181,6 +181,15 @@ def test_eventually_that_never_held_tells_how_near_it_came_and_when() -> None:
     assert run.verdict().when is None
 
 
+def test_always_that_did_not_hold_tells_the_worst_value_and_when() -> None:
+    run = Run("always a.position_error < 20 cm")
+    run.tick(0.1)
+    assert run.verdict().when is None
+    for error in (0.3, 0.5, 0.4):
+        run.tick(error)
+    assert (run.verdict().held, run.verdict().value, run.verdict().when) == (False, 0.5, 3.0)
+
+
 def test_eventually_that_never_came() -> None:
     run = Run("eventually b in landed")
     run.tick()

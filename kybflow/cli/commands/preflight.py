@@ -13,6 +13,7 @@ from kybflow.cli.arguments import Seed, Sets, Target, compiled, failing, wrong
 from kybflow.cli.output import columns, echo, printer
 from kybflow.core.errors import DRIVER_FAILED, FAILED
 from kybflow.core.text import INDENT, details, headline
+from kybflow.dsl.resolving.library_files import without_homes
 
 if TYPE_CHECKING:
     from kybflow.dsl.plan import Plan
@@ -108,7 +109,7 @@ def table(lines: Sequence[PreflightResult]) -> list[str]:
     in a reason follows below its line."""
     found, rows = [], []
     for line in lines:
-        reason = headline(line.reason) + (f"  [{line.at}]" if line.at else "")
+        reason = headline(line.reason) + (f"  [{without_homes(line.at)}]" if line.at else "")
         rows.append(("green" if line.green else "RED  ", line.vehicle, line.check, reason))
     for line, row, text in zip(lines, rows, columns(rows), strict=True):
         margin = " " * (len(text) - len(row[-1])) + INDENT

@@ -40,6 +40,7 @@ def command(
     plain: Annotated[
         bool, Option("--plain", help="Print events as lines, without a table.")
     ] = False,
+    verbose: Annotated[bool, Option("--verbose", help="Print every passed check.")] = False,
     report: Annotated[bool, Option(help="Write report.html.")] = True,
     commands: Annotated[bool, Option(help="Accept `kybflow command`.")] = True,
     rehearses: Annotated[
@@ -89,12 +90,18 @@ def command(
         emits = [arguments.Emitted(*emitted) for emitted in earlier.emits]
     plan, result = arguments.compiled(mission, target, sets, parts)
     skips = rehearses is False and not plan.simulated
+    rehearsed = None
     if rehearses or not (plan.simulated or skips):
-        _rehearse(plan, result, emits, options)
+        rehearsed = _rehearse(plan, result, emits, options)
     pace = 1.0 if live and speed is None else speed
     asked_for = (tuple(options), tuple(emits), tuple(sets))
     request = RunRequest(seed, out, pace, *asked_for, given, inputs, skips)
-    raise Exit(fly_plan(plan, request, live=live, plain=plain, report=report, serves=commands))
+    raise Exit(
+        fly_plan(
+            plan, request, live=live, plain=plain, verbose=verbose, report=report, serves=commands,
+            rehearsed=rehearsed,
+        )
+    )  # fmt: skip
 
 
 def _rehearse(
@@ -102,8 +109,9 @@ def _rehearse(
     result: Result,
     emits: Sequence[arguments.Emitted],
     options: Sequence[arguments.Change],
-) -> None:
-    """Rehearse a plan and print the findings. Exits with INVALID if one is an error."""
+) -> float:
+    """Rehearse a plan, print the findings and return its duration, s. Exits with INVALID if a
+    finding is an error."""
     from kybflow.api.rehearsal.rehearse import rehearse, reports
 
     with arguments.failing(INVALID, KybflowError):
@@ -113,6 +121,7 @@ def _rehearse(
     if not rehearsal.is_clean:
         echo("nothing has armed: the rehearsal failed (fly anyway: --no-rehearsal)", err=True)
         raise Exit(INVALID)
+    return rehearsal.duration
 
 
 def fly_plan(
@@ -121,17 +130,20 @@ def fly_plan(
     *,
     live: bool = False,
     plain: bool = False,
+    verbose: bool = False,
     report: bool = True,
     serves: bool = False,
+    rehearsed: float | None = None,
 ) -> int:
     """Fly a plan, show its progress, write its report and return the exit code.
 
     live: whether to show the flight in the drivers' own window. plain: whether to print events as
-    lines even on a terminal. serves: whether to accept `kybflow command`.
+    lines even on a terminal. verbose: whether to print every check before take-off that passed.
+    serves: whether to accept `kybflow command`. rehearsed: how long its rehearsal took, s.
     """
     from kybflow.api.flight import fly
     from kybflow.api.opening import with_window
-    from kybflow.cli.printing.flights import outcome, sentence
+    from kybflow.cli.printing.flights import EventLines, outcome
     from kybflow.recording.run_folder import RunUnwritten
 
     err = printer(sys.stderr)
@@ -149,12 +161,13 @@ def fly_plan(
             plan = with_window(plan) if live else plan
             with ExitStack() as stack:
                 if plain or not sys.stdout.isatty():
-                    listeners.append(lambda event: out.line(sentence(event)))
+                    write = out.line
                 else:
-                    panel = stack.enter_context(_panel(plan, out))
-                    listeners.append(panel.on_event)
+                    panel = stack.enter_context(_panel(plan, out, rehearsed))
+                    write = panel.line
                     observers.append(panel.on_tick)
                     servers += [] if panel.commander is None else [panel.commander.serve]
+                listeners.append(EventLines(write, verbose=verbose))
                 stack.enter_context(notices())
                 flown = fly(plan, request, listeners, observers, servers)
         except KybflowError as error:
@@ -168,18 +181,18 @@ def fly_plan(
         return _report(flown, out.line, err)
 
 
-def _panel(plan: Plan, out: UnwaitedStream) -> LivePanel:
+def _panel(plan: Plan, out: UnwaitedStream, rehearsed: float | None) -> LivePanel:
     """Return the table of the flight, with keys below it unless an input reads the keyboard."""
     from kybflow.cli.printing.live import LivePanel
 
     person = None
-    steers = any(own.part.cls.reads_terminal for own in plan.inputs)
+    steers = any(own.part.cls.terminal_keys for own in plan.inputs)
     if not steers and sys.stdin is not None and sys.stdin.isatty():
         from kybflow.cli.keys import TerminalCommander
         from kybflow.core.terminal import Terminal
 
         person = TerminalCommander(Terminal(sys.stdin.fileno(), sys.stdout.fileno()))
-    return LivePanel(console(out), person)
+    return LivePanel(console(out), person, rehearsed)
 
 
 def _report(flown: Flown, out: Callable[[str], None], err: Callable[[str], None]) -> int:

@@ -4,14 +4,18 @@ flight took."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from kybflow.core.signals import NS, Event
+from kybflow.cli.output import styled
+from kybflow.core.signals import NS, Event, Time
 from kybflow.core.text import details, headline
-from kybflow.core.units import format_measured
+from kybflow.dsl.resolving.library_files import without_homes
+from kybflow.parts.events import PreflightPassed
+from kybflow.recording.outcome import measured
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -22,7 +26,31 @@ if TYPE_CHECKING:
 _MARGIN = " " * 20
 _NOTABLE_S = 0.1
 """Time without a value that is worth a word, s."""
+_MEASURED = ("text", "held", "value", "margin", "unit", "when_s")
+"""The fields of an expectation that `measured` takes."""
 _QUIET_FIELDS = frozenset({"behavior", "part", "traceback"})
+
+
+class EventLines:
+    """Formats the events of a run and passes each on to `write`. The checks before take-off that
+    passed become one line per vehicle, which counts them, unless `verbose`."""
+
+    def __init__(self, write: Callable[[str], None], *, verbose: bool = False) -> None:
+        self._write, self._verbose = write, verbose
+        self._passed = Counter[tuple[Time, str]]()
+
+    def __call__(self, event: Event) -> None:
+        if event.name == PreflightPassed.name and not self._verbose:
+            self._passed[event.time, event.vehicle] += 1
+            return
+        for (time, vehicle), count in self._passed.items():
+            self._write(f"{_beginning(time, vehicle)}preflight: {count} checks passed")
+        self._passed.clear()
+        self._write(sentence(event))
+
+
+def _beginning(time: Time, vehicle: str) -> str:
+    return f"{time / NS:7.2f} s  {vehicle:8} "
 
 
 def sentence(event: Event) -> str:
@@ -37,8 +65,8 @@ def sentence(event: Event) -> str:
     quiet = _QUIET_FIELDS | {"reason"} if event.name == "run_ended" else _QUIET_FIELDS
     shown = {k: v for k, v in fields.items() if k not in quiet and v is not None}
     words += [f"{k}={headline(_short(v))}" for k, v in shown.items()]
-    at = f"  [{event.at}]" if event.at else ""
-    line = f"{event.time / NS:7.2f} s  {event.vehicle:8} {' '.join(words)}{at}"
+    at = f"  [{without_homes(event.at)}]" if event.at else ""
+    line = f"{_beginning(event.time, event.vehicle)}{' '.join(words)}{at}"
     below = (row for value in shown.values() for row in details(_short(value)))
     return "\n".join([line, *(f"{_MARGIN}{row}" for row in below)])
 
@@ -51,27 +79,26 @@ def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
     """Yield the lines printed after a run. has_pace: whether its clock may differ from real
     time."""
     summary = flown.summary
-    for expectation in summary["expectations"]:
-        mark = "held  " if expectation["held"] else "FAILED"
-        value, unit = expectation["value"], str(expectation["unit"])
-        measured = f"  ({format_measured(value, unit)})" if isinstance(value, float) else ""
-        if (when := expectation["when_s"]) is not None:
-            measured = f"  (nearest: {format_measured(value, unit)} at {when:.4g} s)"
-        elif not expectation["held"] and value is None:
-            measured = "  (never)" if expectation["text"].startswith("eventually") else measured
+    began = any(vehicle["behaviors"] for vehicle in summary["vehicles"].values())
+    for expectation in summary["expectations"] if began else ():
+        mark, at = ("held  ", "") if expectation["held"] else ("FAILED", f"  [{expectation['at']}]")
+        how = measured(*(expectation[key] for key in _MEASURED))
+        value = f"  ({how})" if how else ""
         unknown = expectation["unknown_s"]
         gap = f"; unknown for {unknown:.1f} s of the flight" if unknown > _NOTABLE_S else ""
-        yield f"{mark}  {expectation['text']}{measured}{gap}"
+        yield f"{mark}  {expectation['text']}{value}{gap}{at}"
     for fault in summary["never_injected"]:
         yield f"the fault `{fault['fault']}` never happened  [{fault['at']}]"
     for given in summary["commands"]:
         yield f"`{given['command']}` was commanded at {given['t_s']:g} s by {given['by']}"
     for seconds, name in flown.never_given:
         yield f"`{name}` at {seconds:g} s was never given, because the run ended first"
+    if missed := summary.get("missed_ticks"):
+        ticks = "tick was" if missed == 1 else "ticks were"
+        yield f"{missed} {ticks} missed: the computer was late"
     reason = f": {headline(summary['reason'])}" if summary["reason"] else ""
-    yield f"{summary['mission']} {summary['outcome']}{reason}"
-    if summary.get("missed_ticks"):
-        yield f"{summary['missed_ticks']} ticks were missed: the computer was late"
+    ended = summary["outcome"].replace("_", " ").replace("failed", "FAILED")
+    yield f"{summary['mission']} {ended}{reason}"
     pace, factor = "", summary["real_time_factor"]
     if has_pace and factor is not None:  # one significant digit below 1
         pace = f" ({factor:.0f} x real time)" if factor >= 1.0 else f" ({factor:.1g} x real time)"
@@ -85,10 +112,10 @@ def outcome(flown: Flown, *, has_pace: bool) -> Iterator[str]:
 def progress(console: Console, total: int) -> Iterator[Callable[[FlightResult], None]]:
     """Show a progress bar on a terminal. Yield the function to call after each flight; it prints
     failures even if there is no bar."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich import progress as bars
 
     def show(text: str) -> None:
-        console.print(text, markup=False, soft_wrap=True)
+        console.print(styled(text), soft_wrap=True)
 
     def done(result: FlightResult) -> None:
         bar.advance(task)
@@ -100,10 +127,9 @@ def progress(console: Console, total: int) -> Iterator[Callable[[FlightResult], 
         if result.folder is not None:
             show(f"    kept in {result.folder}")
 
-    shown = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(
-        *shown, TimeElapsedColumn(), console=console, disable=not console.is_terminal
-    ) as bar:
+    shown = (bars.TextColumn("{task.description}"), bars.BarColumn(), bars.MofNCompleteColumn())
+    times = (bars.TimeElapsedColumn(), bars.TimeRemainingColumn(), bars.TextColumn("left"))
+    with bars.Progress(*shown, *times, console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task("flying", total=total)
         yield done
 

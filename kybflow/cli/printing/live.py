@@ -13,10 +13,9 @@ from rich.table import Table
 from rich.text import Text
 
 from kybflow.cli.keys import KeyMessage, Offer, TerminalCommander
-from kybflow.cli.output import grouped
-from kybflow.cli.printing.flights import sentence
+from kybflow.cli.output import grouped, styled
 from kybflow.core.geometry import distance
-from kybflow.core.signals import NS, Event
+from kybflow.core.signals import NS
 from kybflow.core.units import DEG
 from kybflow.runtime.engine import Engine
 from kybflow.runtime.fleet.tracked_bodies import UNSEEN_NS
@@ -29,7 +28,10 @@ _HELD = {"pause": "paused", "brake": "braked", "pilot": "by pilot"}
 _FRAME, _LEAST_EVENTS = 6, 1
 """Lines of the table in addition to those of the vehicles, and the fewest events shown below the
 keys."""
-_LEFT = ("vehicle", "behavior")
+_POSITION = "position (m)"
+_LEFT, _WHOLE = ("vehicle", "behavior"), (_POSITION, "nearest")
+_MINUTES_FROM_S = 120.0
+"""The time left from which it is shown in minutes."""
 _GAP, _LABEL = 3, 10
 """Letters between two keys, and in the column of group names."""
 _STYLES = {"asked": "bold yellow", "accepted": "green", "refused": "bold red"}
@@ -37,26 +39,37 @@ _STYLES = {"asked": "bold yellow", "accepted": "green", "refused": "bold red"}
 
 class LivePanel:
     """A table of the flight. Below it are the keys that the terminal's commander offers, and the
-    last events."""
+    last events. rehearsed: how long the rehearsal took, s; None without a rehearsal."""
 
-    def __init__(self, console: Console, commander: TerminalCommander | None = None) -> None:
-        self._console, self.commander = console, commander
-        self._events: deque[str] = deque(maxlen=_LAST_EVENTS)
+    def __init__(
+        self,
+        console: Console,
+        commander: TerminalCommander | None = None,
+        rehearsed: float | None = None,
+    ) -> None:
+        self._console, self.commander, self._rehearsed = console, commander, rehearsed
+        self._events: deque[str] = deque()
         self._live = Live(console=console, auto_refresh=False)
         self._drawn = 0.0
         self._began = time.monotonic()
         self._engine: Engine | None = None
+        self._is_over = False
 
     def __enter__(self) -> LivePanel:
         self._live.__enter__()
         return self
 
     def __exit__(self, *error: object) -> None:
+        self._is_over = True
         self._draw(refresh=False)
         self._live.__exit__(None, None, None)  # draws it
 
-    def on_event(self, event: Event) -> None:
-        self._events.append(sentence(event))
+    def line(self, text: str) -> None:
+        """Add the line of an event. All are kept until the vehicles fly, because a preflight may
+        have many red lines."""
+        self._events.append(text)
+        while self._engine is not None and self._engine.flying and len(self._events) > _LAST_EVENTS:
+            self._events.popleft()
 
     def on_tick(self, engine: Engine) -> None:
         """Handle pressed keys. Redraw after a key and ten times a second."""
@@ -74,11 +87,14 @@ class LivePanel:
     def drawing(self, engine: Engine, wall: float) -> Group:
         """Return the table, keys and events, `wall` seconds after the beginning."""
         seconds = engine.seconds()
-        table = Table(title=f"{engine.plan.mission}   {seconds:.1f} s   {seconds / wall:.1f} x")
+        title = f"{engine.plan.mission}   {seconds:.1f} s   {seconds / wall:.1f} x"
         several = len(engine.vehicles) > 1
-        headings = ("vehicle", "behavior", "estimator", "battery", "position error", "height")
+        left = self._time_left(engine, seconds / wall)
+        table = Table(title=f"{title}{left}", pad_edge=not several)
+        headings = ("vehicle", "behavior", "estimator", "battery", "error", _POSITION)
         for heading in (*headings, "nearest") if several else headings:
-            table.add_column(heading, justify="left" if heading in _LEFT else "right")
+            is_left, is_whole = heading in _LEFT, heading in _WHOLE
+            table.add_column(heading, justify="left" if is_left else "right", no_wrap=is_whole)
         for vehicle in engine.vehicles:
             table.add_row(*_row(vehicle, engine))
         below = [*_below(engine)] if engine.flying else []
@@ -89,9 +105,25 @@ class LivePanel:
                 width, height = self._console.size
                 room = height - _FRAME - len(engine.vehicles) - len(below) - _LEAST_EVENTS
                 keys = keys_drawn(person.offers, person.message, width, room)
-        cut = (Text(line, no_wrap=True, overflow="ellipsis") for line in below)
-        events = (Text(line, no_wrap=True, overflow="ellipsis") for line in self._events)
-        return Group(table, *cut, *keys, *events)
+        told, events = [*map(Text, below)], [*map(styled, self._events)]
+        for line in (*told, *events) if engine.flying else ():
+            line.no_wrap, line.overflow = True, "ellipsis"
+        return Group(table, *told, *keys, *events)
+
+    def _time_left(self, engine: Engine, pace: float) -> str:
+        """Return for how long the run will last by the clock on the wall: about as long as the
+        rehearsal did, or else at most until the time limit, when every vehicle lands."""
+        if self._is_over or not engine.flying or pace <= 0.0:
+            return ""
+        flown = engine.mission_seconds()
+        if self._rehearsed is not None and self._rehearsed > flown:
+            return f"   about {_shown_time((self._rehearsed - flown) / pace)} left"
+        left = engine.plan.time_limit - flown
+        return f"   at most {_shown_time(left / pace)} to the time limit" if left > 0.0 else ""
+
+
+def _shown_time(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < _MINUTES_FROM_S else f"{seconds / 60.0:.0f} min"
 
 
 def _row(vehicle: Vehicle, engine: Engine) -> list[str]:
@@ -106,7 +138,7 @@ def _row(vehicle: Vehicle, engine: Engine) -> list[str]:
         vehicle.estimator or "none",
         f"{battery.remaining:.0%}" if battery else "-",
         f"{distance(wanted, estimate.position) * 1000:.0f} mm" if wanted and estimate else "-",
-        f"{estimate.position[2]:.2f} m" if estimate else "-",
+        " ".join(f"{x:z.2f}" for x in estimate.position) if estimate else "-",
     ]
     if len(engine.vehicles) > 1:
         others = [(v.estimate, v.name) for v in engine.vehicles if v is not vehicle]
@@ -118,8 +150,13 @@ def _row(vehicle: Vehicle, engine: Engine) -> list[str]:
 
 
 def _below(engine: Engine) -> Iterator[str]:
-    """Yield a line with the phases of active flows, one with what vehicles wait for, and one for
-    each object: its coordinates as motion capture sees them, and who touches it."""
+    """Yield a line with the keys of an input that reads the terminal, one with the phases of active
+    flows, one with what vehicles wait for, and one for each object: its coordinates as motion
+    capture sees them, and who touches it."""
+    for own in engine.plan.inputs:
+        if keys := own.part.cls.terminal_keys:
+            named = [f"{button} {name}" for name, button in own.buttons.items()]
+            yield f"{own.name[:10]:11}{', '.join((keys, *named))}, Ctrl-C lands"
     running = [engine.flows.running(flow.name) for flow in engine.plan.flows]
     active = [(one, (engine.clock.now - one.entered) / NS) for one in running if one.active]
     if phases := [f"{one.plan.name} {one.phase.name} {t:.0f} s" for one, t in active]:

@@ -96,25 +96,31 @@ class Impacts:
 
 class Excursions:
     """Publishes that a vehicle flies outside the fence (`fence_left`), once per vehicle, which
-    fails the run. The engine calls `step` twenty times a second. first: a description of the first
-    one, or None."""
+    fails the run. The engine calls `step` twenty times a second."""
 
     def __init__(self, vehicles: Sequence[Vehicle], fence: Box | None, events: Events) -> None:
-        self.first: str | None = None
-        self._inside = [] if fence is None else list(vehicles)
+        self._vehicles = () if fence is None else tuple(vehicles)
         self._fence, self._events = fence, events
+        self._farthest: dict[str, float] = {}
+
+    @property
+    def first(self) -> str | None:
+        """Return how far the first vehicle outside the fence flew beyond it; None if there is
+        none."""
+        first = next(iter(self._farthest.items()), None)
+        return None if first is None else f"`{first[0]}` flew {first[1]:.2f} m outside the fence"
 
     def step(self) -> None:
-        for vehicle in tuple(self._inside):
+        for vehicle in self._vehicles:
             truth = vehicle.truth
             if truth is None or self._fence is None or not vehicle.airborne:
                 continue
             sides = zip(truth.position, *self._fence, strict=True)
             beyond = max(max(low - at, at - high) for at, low, high in sides)
-            if beyond > BEYOND_FENCE:
-                self._inside.remove(vehicle)
-                self.first = self.first or f"`{vehicle.name}` flew outside the fence"
-                self._events.emit(FenceLeft(beyond=beyond), vehicle.name)
+            if beyond > self._farthest.get(vehicle.name, BEYOND_FENCE):
+                if vehicle.name not in self._farthest:
+                    self._events.emit(FenceLeft(beyond=beyond), vehicle.name)
+                self._farthest[vehicle.name] = beyond
 
 
 class Clearances:

@@ -100,6 +100,20 @@ def test_a_flight_outside_the_fence_is_seen_once(position, airborne, expected):
     assert (excursions.first is not None) == bool(expected)
 
 
+def test_the_run_says_how_far_the_first_vehicle_flew_outside_the_fence():
+    told, fence = [], Box((-2.0, -2.0, 0.0), (2.0, 2.0, 2.5))
+    a, b = (FakeVehicle(0.0, True, name=name, airborne=True) for name in "ab")
+    excursions = Excursions([a, b], fence, Events((told.append,)))
+    for far, near in ((2.0, 2.0), (2.5, 2.0), (4.26, 2.9), (3.0, 2.0)):
+        a.position, b.position = (far, 0.0, 1.0), (near, 0.0, 1.0)
+        excursions.step()
+    assert excursions.first == "`a` flew 2.26 m outside the fence"
+    assert [(event.vehicle, event.name) for event in told] == [
+        ("a", "fence_left"),
+        ("b", "fence_left"),
+    ]
+
+
 def test_the_least_clearance_in_the_air_is_scored():
     """Of the true state, from every obstacle that vehicles keep away from."""
     view = FakeView(hull=0.1, obstacles={"pole": Sphere((0.0, 0.0, 0.0), 0.2)})
