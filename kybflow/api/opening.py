@@ -186,7 +186,13 @@ def open_input(plan: InputPlan, devices: Devices, again: Mapping[str, str]) -> I
             from kybflow.inputs.rows import parse
             from kybflow.inputs.script import RowsLink
 
-            return RowsLink(parse(again[plan.name]).rows)
+            named = {name: button for button, name in plan.button_names.items()}
+            rows = parse(again[plan.name]).rows  # whose buttons have the mission's names
+            return RowsLink(
+                tuple(
+                    row._replace(held=frozenset(named.get(b, b) for b in row.held)) for row in rows
+                )
+            )
         link: InputLink = part.cls.open(part.params, sticks_of)
     except (DriverError, FileError) as error:
         raise DriverError(f"`{plan.name}` ({part.name}, {part.at}): {error}") from error

@@ -152,4 +152,6 @@ class _Comparison:
 
 
 def _fact(event: Event) -> tuple[Any, ...]:
-    return event.time, event.name, event.vehicle, json.dumps(event.fields, sort_keys=True)
+    """Return what happened; the words that explain it may name what only the run could know."""
+    fields = {name: value for name, value in event.fields.items() if name != "reason"}
+    return event.time, event.name, event.vehicle, json.dumps(fields, sort_keys=True)
