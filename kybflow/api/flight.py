@@ -346,6 +346,8 @@ class _Run:
             options=request.options, interrupts=self.interrupts,
         )  # fmt: skip
         engine.interrupted_by = self.interrupted_by
+        if request.tape is not None:
+            request.tape.interrupts(engine)
         with Interrupts(engine), _frozen_garbage():
             try:
                 reason = engine.run()

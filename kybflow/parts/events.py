@@ -614,6 +614,14 @@ class RunStopped(RunEvent):
     reason: str
 
 
+class RunInterrupted(RunEvent):
+    """A person or a program interrupted the run: every vehicle lands, or, at the second time, gets
+    no more commands."""
+
+    awaited = "nowhere"
+    by: str
+
+
 class Logged(RunEvent):
     """A callback logged a text."""
 

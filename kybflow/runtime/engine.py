@@ -23,6 +23,7 @@ from kybflow.parts.events import (
     ObserverFailed,
     PreflightFailed,
     PreflightPassed,
+    RunInterrupted,
     RunStarted,
     RunStopped,
     TicksMissed,
@@ -124,6 +125,7 @@ class Engine:
         self.callbacks = Callbacks(plan.callbacks, controls, self._condition(None))
         self.interrupts = interrupts
         self.interrupted_by = "a signal"
+        self._interrupts_noted = interrupts
         self.flying = False
         self._sessions, self._observers = tuple(sessions), tuple(observers)
         self._publishing = tuple(vehicle for vehicle in self.vehicles if vehicle.publishes)
@@ -178,6 +180,7 @@ class Engine:
         while not self._over():
             if self._landing is not None:
                 if self.interrupts > 1:
+                    self._note_interrupts()
                     return f"twice, then by {self.interrupted_by}: commands were stopped"
                 if self.clock.now >= landed_by:
                     break
@@ -324,9 +327,15 @@ class Engine:
     def _land_at_the_end(self) -> None:
         """Land every vehicle, because of an interrupt or at the time limit."""
         if self.interrupts:
+            self._note_interrupts()
             self._land(f"by {self.interrupted_by}", TWICE)
         else:
             self._land(f"not finished within the time limit of {self.plan.time_limit:g} s")
+
+    def _note_interrupts(self) -> None:
+        while self._interrupts_noted < self.interrupts:
+            self._interrupts_noted += 1
+            self.events.emit(RunInterrupted(by=self.interrupted_by))
 
     def _land(self, reason: str, hint: str = "") -> None:
         """Land every vehicle, regardless of the mission. Calls after the first have no effect.

@@ -30,9 +30,10 @@ from kybflow.recording.run_folder import LOG
 _SEEN_OUTSIDE = (
     of.SensorFailed, of.SensorRecovered, of.MeasurementRefused, of.CameraFroze, of.CameraJumped,
     of.CameraLostEvent, of.CameraRecovered, of.CameraSwappedEvent, of.TagsFound, of.TagsLost,
+    of.RunInterrupted,
 )  # fmt: skip
-"""What is found on images and devices, which a record doesn't contain. The replay emits these
-events again."""
+"""What comes from images, devices and people, which a record doesn't contain. The replay repeats
+these events."""
 _OF_THE_COMPUTER = (
     of.RecordingStopped, of.ObserverFailed, of.CommandsFailed, of.RehearsalSkipped, of.TicksMissed,
     of.RunEnded, of.PreflightPassed,
@@ -86,10 +87,10 @@ def replay(
     plan, _ = compile_plan(flown or folder / RESOLVED, earlier.target, sets, parts)
     log = read_recording(folder / LOG)
     names = {event.name for event in _SEEN_OUTSIDE}
-    outside: dict[str, list[Event]] = {name: [] for name in recorded.vehicles}
+    outside: dict[str, list[Event]] = {}
     for event in recorded.events:
         if event.name in names:
-            outside[event.vehicle].append(event)
+            outside.setdefault(event.vehicle, []).append(event)
     comparison = _Comparison(recorded.events)
     tape = Tape(log, outside, comparison.watch)
     comparison.end = tape.end

@@ -39,12 +39,13 @@ from kybflow.core.signals import (
 )
 from kybflow.dsl.plan import EstimatorPlan, Plan, VehiclePlan
 from kybflow.parts import ActiveFaults, Check, Estimator, Link, Session, Stream
-from kybflow.parts.events import PreflightPassed
+from kybflow.parts.events import PreflightPassed, RunInterrupted
 from kybflow.parts.link import Contact, ForeignCommand, Override, StatusText, Touch
 from kybflow.recording.layout import CONTACTS_TOPIC, EVENTS_TOPIC, dtype_spec, layout_of
 from kybflow.recording.messages import TICK, Messages, Recording
 from kybflow.runtime.clock import Clock
 from kybflow.runtime.events import Events
+from kybflow.runtime.interrupts import Counting
 from kybflow.runtime.monitoring.sensing import OpenSensor
 from kybflow.runtime.vehicle.link import OFFERED
 from kybflow.world.objects import ObjectState
@@ -135,9 +136,24 @@ class Tape:
     ) -> None:
         self._log, self._outside, self._watch = log, outside, watch
         self._turn = _Turn(log)
+        interrupts = (e for e in outside.get("", ()) if e.name == RunInterrupted.name)
+        self._interrupts = Queue(self._turn, ((e.time, e.fields["by"]) for e in interrupts))
+        self._engine: Counting | None = None
         ticks = [log[f"/{name}/tick"].times for name in log.mission["vehicles"]]
         self._ticks: list[Time] = next((times.tolist() for times in ticks if len(times)), [])
         self.end: Time = self._ticks[-1] if self._ticks else log.end
+
+    def interrupts(self, engine: Counting) -> None:
+        """From now on, interrupt `engine` as the run was interrupted."""
+        self._engine = engine
+
+    def _after_tick(self, now: Time) -> None:
+        self._watch(now)
+        engine = self._engine
+        if engine is not None:
+            for by in self._interrupts.take(now):
+                engine.interrupts += 1
+                engine.interrupted_by = by
 
     def clock(self, plan: Plan) -> Clock:
         return _TapeClock(plan.control_rate, self._ticks)
@@ -148,7 +164,7 @@ class Tape:
 
     def devices(self, plan: Plan, events: Events, inputs: Mapping[str, str]) -> Devices:
         """Open the devices of `plan`. inputs: the recorded table of each input."""
-        session = _TapeSession(plan, self._scene(plan), self.end, self._watch)
+        session = _TapeSession(plan, self._scene(plan), self.end, self._after_tick)
         devices = Devices([session], {}, {}, {}, {})
         for vehicle in plan.vehicles:
             name = vehicle.name
