@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from kybflow.api.missions import Findings as Findings
     from kybflow.api.missions import MissionInvalid as MissionInvalid
     from kybflow.api.missions import validate as validate
+    from kybflow.api.replay.replay import replay as replay
     from kybflow.api.runs import RecordedVehicle as RecordedVehicle
     from kybflow.api.runs import Run as Run
     from kybflow.command_server.client import CommandRefused as CommandRefused
@@ -32,6 +33,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "api.experiment": ("connect", "rehearse", "run"),
     "api.missions": ("Findings", "MissionInvalid", "validate"),
+    "api.replay.replay": ("replay",),
     "api.runs": ("RecordedVehicle", "Run"),
     "command_server.client": ("CommandRefused", "RunClient"),
     "core.errors": ("KybflowError",),

@@ -106,9 +106,13 @@ class RecordedVehicle(Signals):
     @property
     def sensors(self) -> tuple[str, ...]:
         """The further recorded signals: `imu`, `pose`, `battery`, `estimator/NAME`..."""
-        prefix = f"/{self.name}/"
-        topics = (t.removeprefix(prefix) for t in self._recording.topics if t.startswith(prefix))
-        return tuple(sorted(topic for topic in topics if topic != "tick"))
+        prefix, topics = f"/{self.name}/", self._recording.topics
+        own = (
+            t.removeprefix(prefix)
+            for t, m in topics.items()
+            if t.startswith(prefix) and m.definition
+        )
+        return tuple(sorted(topic for topic in own if topic != "tick"))
 
     def sensor(self, name: str) -> Signals:
         """Return the measurements of a sensor, or another of `sensors`, as they arrived. Raises

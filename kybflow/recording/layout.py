@@ -173,7 +173,7 @@ _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("Command", "command", "what the driver was given"),
         ("Truth", "truth", "what the simulator knows"),
     ),
-    "Heard": (),
+    "Heard": (("uint8", "count", "measurements that were not used, at most 255"),),
     "Object": (
         ("Vector", "position", "m, world"),
         ("Quaternion", "attitude", ""),

@@ -312,8 +312,8 @@ class VehicleChannel(VehicleObserver):
             self._link = _json_log(self._context, f"/{self._name}/link", ANSWER_SCHEMA)
         self._link(json.dumps({of: value}).encode(), now)
 
-    def heard(self, now: Time) -> None:
-        self._log_optional("heard", "Heard", b"", now)
+    def heard(self, now: Time, count: int) -> None:
+        self._log_optional("heard", "Heard", bytes((min(count, 255),)), now)
 
     def located(self, now: Time, estimator: str, estimate: Estimate | None) -> None:
         _, p, v, q, w, _, age, spread = estimate or _NO_ESTIMATE

@@ -114,8 +114,9 @@ class VehicleObserver:
         alike. of: the method of the link that answered; `state` for what the link says of itself,
         `failed` for an exception; `kybflow.runtime.vehicle.link` lists them."""
 
-    def heard(self, now: Time) -> None:
-        """Record that the link delivered measurements in the tick at `now`, but none was used."""
+    def heard(self, now: Time, count: int) -> None:
+        """Record that the link delivered `count` measurements in the tick at `now`, but none was
+        used."""
 
     def located(self, now: Time, estimator: str, estimate: Estimate | None) -> None:
         """Record the estimate of an estimator that uses images, which are not recorded."""

@@ -153,7 +153,7 @@ def test_frames_have_a_row_a_tick_and_units_in_names(flown: kybflow.Run, library
 
 
 def exported(flown: kybflow.Run, format: str, out: Path) -> None:
-    words = ["-m", "kybflow", "export", str(flown.folder), "--format", format, "--out", str(out)]
+    words = ["-m", "kybflow", "export", str(flown.folder), f"--{format}", "--out", str(out)]
     said = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
     assert said.returncode == 0, said.stderr
 

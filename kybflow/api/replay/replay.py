@@ -21,11 +21,13 @@ from kybflow.api.runs import Run
 from kybflow.core.errors import FileError
 from kybflow.core.files import read_all
 from kybflow.core.signals import NS, Event, Time
+from kybflow.core.text import did_you_mean
+from kybflow.dsl.plan import Plan
 from kybflow.dsl.reading.reader import RESOLVED
 from kybflow.parts import events as of
 from kybflow.recording.earlier_run import read_earlier_run
-from kybflow.recording.messages import read_recording
-from kybflow.recording.run_folder import LOG
+from kybflow.recording.messages import Recording, read_recording
+from kybflow.recording.run_folder import LOG, RunFolderError
 
 _SEEN_OUTSIDE = (
     of.SensorFailed, of.SensorRecovered, of.MeasurementRefused, of.CameraFroze, of.CameraJumped,
@@ -86,6 +88,7 @@ def replay(
     sets = earlier.sets if flown else ()
     plan, _ = compile_plan(flown or folder / RESOLVED, earlier.target, sets, parts)
     log = read_recording(folder / LOG)
+    _check(folder, plan, log)
     names = {event.name for event in _SEEN_OUTSIDE}
     outside: dict[str, list[Event]] = {}
     for event in recorded.events:
@@ -101,6 +104,24 @@ def replay(
         )  # fmt: skip
         fly(tape.plan(plan), request, [comparison.listen])
     return comparison.result(is_whole=bool(recorded.summary))
+
+
+def _check(folder: Path, plan: Plan, log: Recording) -> None:
+    """Raise RunFolderError if the run can't be replayed with this plan."""
+    unknown = [v.name for v in plan.vehicles if v.name not in log.mission["vehicles"]]
+    if unknown:
+        known = did_you_mean(unknown[0], log.mission["vehicles"])
+        raise RunFolderError(f"the run `{folder}` has no vehicle `{unknown[0]}`; {known}")
+    if not all(log[f"/{vehicle.name}/link"].sizes.size for vehicle in plan.vehicles):
+        raise RunFolderError(
+            f"`{folder}` can't be replayed: it was recorded by an earlier version of kybflow, "
+            "which left out what the vehicles answered"
+        )
+    if plan.control_rate != log.mission["control_rate"]:
+        raise RunFolderError(
+            f"`{folder}` was flown at {log.mission['control_rate']} ticks a second, not at "
+            f"{plan.control_rate}: the control rate of the mission must be that of the run"
+        )
 
 
 def _unchanged(run: Run) -> Path | None:

@@ -137,7 +137,7 @@ class Tape:
         self._log, self._outside, self._watch = log, outside, watch
         self._turn = _Turn(log)
         interrupts = (e for e in outside.get("", ()) if e.name == RunInterrupted.name)
-        self._interrupts = Queue(self._turn, ((e.time, e.fields["by"]) for e in interrupts))
+        self._interrupts = Queue(self._turn, ((e.time, str(e.fields["by"])) for e in interrupts))
         self._engine: Counting | None = None
         ticks = [log[f"/{name}/tick"].times for name in log.mission["vehicles"]]
         self._ticks: list[Time] = next((times.tolist() for times in ticks if len(times)), [])

@@ -223,7 +223,7 @@ class LinkIn:
     ) -> Sequence[Measurement]:
         accepted = accept(measurements, now)
         if measurements and not accepted:
-            self._observer.heard(now)
+            self._observer.heard(now, len(measurements))
         return accepted
 
     def update_state(self, of: str) -> None:
