@@ -139,7 +139,7 @@ class Run:
         if (folder / SUMMARY).exists():
             self.summary = json.loads(read_all(folder / SUMMARY))
         records = [json.loads(line) for line in whole_lines(folder / EVENTS)]
-        self.events = tuple(
+        self.events: tuple[Event, ...] = tuple(
             Event(round(r["t_s"] * NS), r["event"], r["vehicle"], r["fields"], r["at"])
             for r in records
         )
