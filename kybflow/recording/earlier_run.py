@@ -22,7 +22,8 @@ class EarlierRun(NamedTuple):
     """The settings and inputs of an earlier run.
 
     sets, options, emits: as on the command line. commands: in order of arrival, without those
-    scheduled before the run. inputs: the recorded table of each input.
+    scheduled before the run. inputs: the recorded table of each input. parts: the files of --parts,
+    with the SHA-256 of each.
     """
 
     target: str
@@ -32,6 +33,7 @@ class EarlierRun(NamedTuple):
     emits: tuple[str, ...]
     commands: tuple[RecordedCommand, ...]
     inputs: dict[str, str]
+    parts: tuple[tuple[Path, str], ...]
 
 
 def read_earlier_run(folder: Path) -> EarlierRun:
@@ -55,6 +57,7 @@ def read_earlier_run(folder: Path) -> EarlierRun:
             emits=tuple(asked["emit"]),
             commands=commands,
             inputs=dict(_tables(folder / INPUTS)),
+            parts=tuple((Path(file["path"]), file["sha256"]) for file in asked.get("parts", ())),
         )
     except OSError as error:
         reason = f"`{error.filename}`: {error.strerror}"
