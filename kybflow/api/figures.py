@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import cycle
 from math import ceil, inf
 from pathlib import Path
 from typing import Any
@@ -37,14 +36,10 @@ _COLOURS = (
 )  # fmt: skip
 """After Paul Tol's muted scheme; the first four differ most in brightness."""
 _SETPOINT: dict[str, Any] = {"color": "black", "linewidth": 0.5, "dashes": (4, 3), "zorder": 3}
-_ABOVE = "outside upper center"
 _STYLE = {
     "font.family": "STIXGeneral",
     "mathtext.fontset": "stix",
     "font.size": 8.0,
-    **dict.fromkeys(
-        ("axes.labelsize", "xtick.labelsize", "ytick.labelsize", "legend.fontsize"), 8.0
-    ),
     "axes.linewidth": 0.6,
     "axes.xmargin": 0.0,
     "lines.linewidth": 1.2,
@@ -84,9 +79,10 @@ def write_figure(
         raise FigureFailed(f"`{out}` should end with .pdf, .svg or .png")
     each = [run.vehicle(one) for one in vehicles] if vehicles else run.each()
     with library.rc_context(_STYLE):
-        drawing = PaperFigure(
-            run, each, span, _PAGE if wide else _COLUMN, figure(layout="constrained")
-        )
+        width = _PAGE if wide else _COLUMN
+        drawing = PaperFigure(run, each, span, width, figure(layout="constrained"))
+        if not all(drawing.inside(vehicle.time).any() for vehicle in each):
+            raise FigureFailed("the recording has no ticks of each vehicle in this time")
         FIGURES[name](drawing)
         drawing.finish()
         dated = {"metadata": {"CreationDate": None}} if out.suffix == ".pdf" else {}
@@ -112,6 +108,7 @@ class PaperFigure:
 
     @property
     def coloured(self) -> list[tuple[RecordedVehicle, str]]:
+        """The vehicles with their colours."""
         return [(v, _COLOURS[n % len(_COLOURS)]) for n, v in enumerate(self.vehicles)]
 
     def inside(self, time: Array) -> NDArray[np.bool_]:
@@ -126,8 +123,8 @@ class PaperFigure:
     def over_time(self, *labels: str) -> list[Any]:
         """Add a panel for each label of a y axis, one below the other, and mark the states: of one
         vehicle by bands with names above, of several by a row of ticks each."""
-        if not labels or not any(self.inside(v.time).any() for v in self.vehicles):
-            raise FigureFailed("the run has nothing that this figure could show")
+        if not labels:
+            raise FigureFailed("the run has nothing that this figure shows")
         height = 1.0 if len(labels) > 1 else 1.35
         self.figure.set_size_inches(self.width, 0.7 + height * len(labels))
         panels = self.figure.subplots(len(labels), sharex=True, squeeze=False)[:, 0]
@@ -164,7 +161,8 @@ class PaperFigure:
         if named:
             rows = ceil(sum(0.45 + 0.06 * len(name) for name in named) / self.width)
             columns = ceil(len(named) / rows)
-            self.figure.legend([*named.values()], [*named], loc=_ABOVE, ncols=columns)
+            above = {"loc": "outside upper center", "ncols": columns}
+            self.figure.legend([*named.values()], [*named], **above)
         self.figure.draw_without_rendering()
         for name, lasts in self._names:
             left, right = name.axes.transData.transform([(0.0, 0.0), (lasts, 0.0)])[:, 0]
@@ -195,7 +193,7 @@ def _components(
 
 def _flown(vehicle: RecordedVehicle, what: str) -> Array:
     """Return what was true or, on hardware, estimated."""
-    return vehicle.get(f"truth.{what}", vehicle[f"estimate.{what}"])
+    return vehicle[f"{'truth' if 'truth.position' in vehicle else 'estimate'}.{what}"]
 
 
 def position(drawing: PaperFigure) -> None:
@@ -250,19 +248,21 @@ def _angles(attitude: Array) -> Array:
 
 def estimators(drawing: PaperFigure) -> None:
     """The error of each estimator, thick where the vehicle flew on it."""
-    names = [v.name for v in drawing.vehicles] if len(drawing.vehicles) > 1 else ["error"]
-    panels = drawing.over_time(*(f"{name} (cm)" for name in names))
+    several = len(drawing.vehicles) > 1
+    panels = drawing.over_time(
+        *(f"{v.name if several else 'error'} (cm)" for v in drawing.vehicles)
+    )
     for axes, vehicle in zip(panels, drawing.vehicles, strict=True):
         flown = _flown(vehicle, "position")
-        names = [name for name in vehicle.sensors if name.startswith("estimator/")]
-        for name, colour in zip(names, cycle(_COLOURS)):  # the colours don't end
+        own = [name for name in vehicle.sensors if name.startswith("estimator/")]
+        for n, name in enumerate(own):
             found = vehicle.sensor(name)
             at = np.searchsorted(vehicle.time, found.time).clip(0, len(flown) - 1)
             gap = 100.0 * np.linalg.norm(found["position"] - flown[at], axis=1)
-            label = name.removeprefix("estimator/")
-            drawing.curve(axes, found.time, gap, color=colour, linewidth=0.5, label=label)
+            style = {"color": _COLOURS[n % len(_COLOURS)], "linewidth": 0.5}
+            drawing.curve(axes, found.time, gap, label=name.removeprefix("estimator/"), **style)
             used = np.where(found["used"], gap, np.nan)
-            drawing.curve(axes, found.time, used, color=colour, linewidth=1.4)
+            drawing.curve(axes, found.time, used, **style | {"linewidth": 1.4})
         axes.set_ylim(bottom=0.0)
 
 
@@ -270,14 +270,14 @@ def objects(drawing: PaperFigure) -> None:
     """The coordinates of objects: true, tracked by motion capture, and their goals."""
     tracks = drawing.recorded.objects.tracks
     shown = [(name, of) for name, track in tracks.items() for of in track.coordinates]
-    units = [(1.0 / DEG, "deg") if of in ("angle", "yaw") else (1.0, "m") for _, of in shown]
-    labels = (f"{name} {of} ({u})" for (name, of), (_, u) in zip(shown, units, strict=True))
-    for axes, (name, of), (factor, _) in zip(drawing.over_time(*labels), shown, units, strict=True):
+    units = {of: (1.0 / DEG, "deg") if of in ("angle", "yaw") else (1.0, "m") for _, of in shown}
+    panels = drawing.over_time(*(f"{name} {of} ({units[of][1]})" for name, of in shown))
+    for axes, (name, of) in zip(panels, shown, strict=True):
+        factor, _ = units[of]
         for n, (known, motion) in enumerate(tracks[name].motions.items()):
-            values = factor * motion.coordinate(of)
             label = "tracked" if known == "seen" else known
-            style = {"color": _COLOURS[n], "linewidth": 1.8 - n}
-            drawing.curve(axes, motion.time, values, label=label, **style)
+            style = {"color": _COLOURS[n], "linewidth": 1.8 - n, "label": label}
+            drawing.curve(axes, motion.time, factor * motion.coordinate(of), **style)
         for goal in tracks[name].goals.get(of, {}).values():
             axes.plot(axes.get_xlim(), [factor * goal] * 2, label="goal", **_SETPOINT)
 
@@ -313,9 +313,10 @@ def _room(drawing: PaperFigure, axes: Any, window: Extent) -> None:
             kind, width = (axes.plot, 2.0) if isinstance(shape, Plane) else (axes.fill, 0.0)
             kind(*piece[:, ~np.isnan(piece[0])], color="0.75", linewidth=width)
     for ball in run.moving.values():
-        way = ball.position[drawing.inside(ball.time), :2]
-        axes.plot(*way.T, color="0.6", linestyle=":")
-        axes.fill(*np.array(from_above.outline(Sphere(way[0], ball.radius), window)), color="0.75")
+        way = ball.position[drawing.inside(ball.time)]
+        axes.plot(*way[:, :2].T, color="0.6", linestyle=":")
+        for x, y, z in way[:1].tolist():
+            axes.fill(*from_above.outline(Sphere((x, y, z), ball.radius), window), color="0.75")
     for track in run.objects.tracks.values():
         for corners in track.outlines(begin):
             axes.fill(*corners.T, facecolor="none", edgecolor="0.4", linestyle=":", linewidth=0.6)

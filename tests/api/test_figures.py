@@ -94,8 +94,8 @@ def test_the_command_lists_and_writes_figures(run: kybflow.Run, tmp_path: Path) 
         (["eror"], "there is no figure `eror`; did you mean `error`?"),
         (["error", "--vehicle", "c"], "has no vehicle `c`; known here: `a`, `b`"),
         (["error", "--out", "error.gif"], "`error.gif` should end with .pdf, .svg or .png"),
-        (["error", "--from", "1 min"], "the run has nothing that this figure could show"),
-        (["objects"], "the run has nothing that this figure could show"),
+        (["error", "--from", "1 min"], "the recording has no ticks of each vehicle in this time"),
+        (["objects"], "the run has nothing that this figure shows"),
         (["error", "--out", "nowhere/error.pdf"], "`nowhere/error.pdf` can't be written"),
     ],
 )
