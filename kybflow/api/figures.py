@@ -32,9 +32,9 @@ Array = NDArray[np.float64]
 _COLUMN, _PAGE = 3.5, 7.16
 """The widths of a column and of the page of IEEE's papers, inches."""
 _COLOURS = (
-    "#2a6fb0", "#ddaa33", "#882255", "#44aa99", "#999933", "#cc6677", "#332288", "#88ccee",
+    "#2a6fb0", "#e6b845", "#661144", "#44aa99", "#999933", "#cc6677", "#332288", "#88ccee",
 )  # fmt: skip
-"""After Paul Tol's muted scheme; the first four differ most in brightness."""
+"""After the muted scheme of Paul Tol, with the first four further apart in brightness."""
 _SETPOINT: dict[str, Any] = {"color": "black", "linewidth": 0.5, "dashes": (4, 3), "zorder": 3}
 _STYLE = {
     "font.family": "STIXGeneral",
@@ -120,35 +120,33 @@ class PaperFigure:
         inside = self.inside(time)
         axes.plot(time[inside], values[inside], **style)
 
+    def states(self, vehicle: RecordedVehicle) -> tuple[Array, NDArray[Any]]:
+        """Return when each state that is drawn begins, and its name."""
+        inside = self.inside(vehicle.time)
+        time, state = vehicle.time[inside], vehicle.state[inside]
+        first = np.flatnonzero(np.append(True, state[1:] != state[:-1]))
+        return time[first], state[first]
+
     def over_time(self, *labels: str) -> list[Any]:
-        """Add a panel for each label of a y axis, one below the other, and mark the states: of one
-        vehicle by bands with names above, of several by a row of ticks each."""
+        """Add a panel for each label of a y axis, one below the other. The states of a single
+        vehicle are bands with names above."""
         if not labels:
             raise FigureFailed("the run has nothing that this figure shows")
-        height = 1.0 if len(labels) > 1 else 1.35
-        self.figure.set_size_inches(self.width, 0.7 + height * len(labels))
+        self.figure.set_size_inches(self.width, 0.7 + (len(labels) if len(labels) > 1 else 1.35))
         panels = self.figure.subplots(len(labels), sharex=True, squeeze=False)[:, 0]
         for axes, label in zip(panels, labels, strict=True):
             axes.set_ylabel(label)
-        for row, (vehicle, colour) in enumerate(reversed(self.coloured)):
-            inside = self.inside(vehicle.time)
-            time, state = vehicle.time[inside], vehicle.state[inside]
-            first = np.flatnonzero(np.append(True, state[1:] != state[:-1]))
-            up = panels[0].get_xaxis_transform()
-            if len(self.vehicles) > 1:
-                high = np.full(len(first), 1.0 + (0.045 + 0.05 * row) / height)
-                style = {"color": colour, "markersize": 3.0, "markeredgewidth": 0.8}
-                panels[0].plot(time[first], high, "|", transform=up, clip_on=False, **style)
-                continue
-            for n, start in enumerate(first):
-                end = time[first[n + 1]] if n + 1 < len(first) else time[-1]
-                for axes in panels if n % 2 else ():
-                    axes.axvspan(time[start], end, color="0.92", linewidth=0.0, zorder=0)
-                style = {"ha": "center", "va": "bottom", "color": "0.35", "transform": up}
-                name = panels[0].text(0.5 * (time[start] + end), 1.02, state[start], **style)
-                self._names.append((name, end - time[start]))
         last = max(v.time[self.inside(v.time)][-1] for v in self.vehicles)
         panels[-1].set(xlabel="time (s)", xlim=(self.span[0], last))
+        starts, names = self.states(self.vehicles[0])
+        alone = [*zip(starts, [*starts[1:], last], names, strict=True)]
+        for n, (start, end, name) in enumerate(alone if len(self.vehicles) == 1 else ()):
+            for axes in panels if n % 2 else ():
+                axes.axvspan(start, end, color="0.92", linewidth=0.0, zorder=0)
+            up = panels[0].get_xaxis_transform()
+            style = {"ha": "center", "va": "bottom", "color": "0.35", "transform": up}
+            text = panels[0].text(0.5 * (start + end), 1.02, name, **style)
+            self._names.append((text, end - start))
         return [*panels]
 
     def finish(self) -> None:
@@ -177,7 +175,7 @@ def _components(
     name: str = "setpoint",
 ) -> None:
     """Draw a panel for each column of `values`, and those of `wanted` as dashed lines. name: of
-    these."""
+    these. Ticks above show when several vehicles change their states."""
     panels = drawing.over_time(*labels)
     for vehicle, colour in drawing.coloured:
         known = "true" if "truth.position" in vehicle else "estimated"
@@ -189,6 +187,12 @@ def _components(
                 drawing.curve(axes, vehicle.time, aims[:, n], **_SETPOINT)
     if wanted is not None:
         panels[0].plot([], [], label=name, **_SETPOINT)
+    several = len(drawing.vehicles) > 1
+    for row, (vehicle, colour) in enumerate(reversed(drawing.coloured) if several else ()):
+        starts, _ = drawing.states(vehicle)
+        above, *_ = panels[0].get_xaxis_text2_transform(3.0 + 3.6 * row)
+        style = {"color": colour, "markersize": 3.0, "transform": above, "clip_on": False}
+        panels[0].plot(starts, np.ones(len(starts)), "|", **style)
 
 
 def _flown(vehicle: RecordedVehicle, what: str) -> Array:

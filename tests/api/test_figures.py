@@ -71,7 +71,7 @@ def test_the_first_colours_differ_in_grey_too() -> None:
         return 0.299 * red + 0.587 * green + 0.114 * blue
 
     found = [brightness(colour) for colour in _COLOURS[:4]]
-    assert min(abs(a - b) for a, b in combinations(found, 2)) > 25.0
+    assert min(abs(a - b) for a, b in combinations(found, 2)) > 35.0
 
 
 def test_the_command_lists_and_writes_figures(run: kybflow.Run, tmp_path: Path) -> None:
