@@ -1,10 +1,11 @@
 """The operations behind the command line and campaigns. They print nothing.
 
-`experiment`, `missions` and `runs` are what `import kybflow` offers, and `export` writes runs for
-other programs. `validation` checks missions and formats findings, whose codes `codes` explains;
-`flight` flies missions or runs the preflight checks; `by_hand` checks motion capture while a person
-moves a vehicle; `opening` opens their devices; `rehearsal` flies them on ideal vehicles; `library`
-finds and copies shipped missions; `emulation` serves emulated vehicles; `calibration` reads and
-writes the files of a camera's calibration; `recorded_input` records an input; `commands` commands a
-running mission. Only this package combines the plan, the drivers, the engine and the recording.
+`experiment`, `missions` and `runs` are what `import kybflow` offers. `export` writes runs for
+other programs, `figures` draws them for papers, and `compare` finds what differs between them.
+`validation` checks missions and formats findings, whose codes `codes` explains; `flight` flies
+missions or runs the preflight checks; `by_hand` checks motion capture while a person moves a
+vehicle; `opening` opens their devices; `rehearsal` flies them on ideal vehicles; `library` finds
+and copies shipped missions; `emulation` serves emulated vehicles; `calibration` reads and writes
+the files of a camera's calibration; `recorded_input` records an input. Only this package combines
+the plan, the drivers, the engine and the recording.
 """

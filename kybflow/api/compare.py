@@ -101,8 +101,12 @@ def _errors(run: Run) -> Iterator[tuple[str, str]]:
 
 def _expectations(run: Run) -> Iterator[tuple[str, str]]:
     for one in run.expectations:
-        value = "" if one["value"] is None else f" ({format_measured(one['value'], one['unit'])})"
-        yield one["text"], f"{'held' if one['held'] else 'FAILED'}{value}"
+        verdict, unit = "held" if one["held"] else "FAILED", one["unit"]
+        named = (("", one["value"], ""), ("margin ", one["margin"], "+"))
+        known = [
+            word + format_measured(of, unit, sign) for word, of, sign in named if of is not None
+        ]
+        yield one["text"], f"{verdict} ({', '.join(known)})" if known else verdict
 
 
 def _first_difference(first: Run, other: Run) -> str | None:

@@ -36,14 +36,14 @@ class LibraryMissing(KybflowError):
     """A library for data isn't installed; the message says how to install it."""
 
 
-def imported(what: str, *names: str) -> Any:
-    """Return the first of these modules that is installed. what: what needs it. Raises
-    LibraryMissing."""
+def imported(what: str, *names: str, extra: str = "analysis") -> Any:
+    """Return the first of these modules that is installed. what: what needs it. extra: the one of
+    kybflow that brings them. Raises LibraryMissing."""
     for name in names:
         with suppress(ImportError):
             return import_module(name)
     packages = " or ".join(name.partition(".")[0] for name in names)
-    raise LibraryMissing(f"{what} needs {packages}: pip install 'kybflow[analysis]'")
+    raise LibraryMissing(f"{what} needs {packages}: pip install 'kybflow[{extra}]'")
 
 
 class RecordedVehicle(Signals):
@@ -143,7 +143,7 @@ class Run:
         if (folder / SUMMARY).exists():
             self.summary = json.loads(read_all(folder / SUMMARY))
         records = [json.loads(line) for line in whole_lines(folder / EVENTS)]
-        self.events = tuple(
+        self.events: tuple[Event, ...] = tuple(
             Event(round(r["t_s"] * NS), r["event"], r["vehicle"], r["fields"], r["at"])
             for r in records
         )

@@ -38,7 +38,7 @@ Verdict = Outcome | Literal["invalid"]
 @dataclass(frozen=True, slots=True)
 class FlightCase:
     """A mission to fly with a seed. out: its run folder, which is deleted after a success unless
-    `keep` is set."""
+    `keep` is set. parts: Python files that define a part each."""
 
     path: Path
     seed: int
@@ -46,6 +46,7 @@ class FlightCase:
     target: str | None = None
     sets: tuple[str, ...] = ()
     keep: bool = False
+    parts: tuple[Path, ...] = ()
 
     @property
     def name(self) -> str:
@@ -89,7 +90,8 @@ def missions_under(paths: Iterable[Path]) -> Iterator[Path]:
 def fly_case(case: FlightCase) -> FlightResult:
     """Compile and fly a case. Errors of the mission or a full disk are results, not exceptions."""
     began = time.monotonic()
-    result = compile_mission(case.path, catalog=load_catalog(), target=case.target, sets=case.sets)
+    catalog = load_catalog(*case.parts)
+    result = compile_mission(case.path, catalog=catalog, target=case.target, sets=case.sets)
     if result.plan is None:
         return FlightResult(case, "invalid", tuple(findings(result, case.path)))
     traces = CoverageListener()

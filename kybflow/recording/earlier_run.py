@@ -22,8 +22,9 @@ class EarlierRun(NamedTuple):
     """The settings and inputs of an earlier run.
 
     sets: as on the command line. options: changed options, as (name, value). emits: scheduled
-    events, as (seconds, name). commands: in order of arrival, without those
-    scheduled before the run. inputs: the recorded table of each input.
+    events, as (seconds, name). commands: in order of arrival, without those scheduled before the
+    run. inputs: the recorded table of each input. parts: the files of --parts, with the SHA-256 of
+    each.
     """
 
     target: str
@@ -33,6 +34,7 @@ class EarlierRun(NamedTuple):
     emits: tuple[tuple[float, str], ...]
     commands: tuple[RecordedCommand, ...]
     inputs: dict[str, str]
+    parts: tuple[tuple[Path, str], ...]
 
 
 def read_earlier_run(folder: Path) -> EarlierRun:
@@ -59,6 +61,7 @@ def read_earlier_run(folder: Path) -> EarlierRun:
             ),
             commands=commands,
             inputs=dict(_tables(folder / INPUTS)),
+            parts=tuple((Path(file["path"]), file["sha256"]) for file in asked.get("parts", ())),
         )
     except OSError as error:
         reason = f"`{error.filename}`: {error.strerror}"

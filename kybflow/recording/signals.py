@@ -87,7 +87,7 @@ class Signals(Mapping[str, Array]):
         kind = np.dtype([(one.name, *_tupled(one.kind)) for one in fields])
         rows = np.frombuffer(messages.content, kind)
         self.time: NDArray[np.float64] = messages.times / NS
-        self.units = {one.name: one.unit for one in fields}
+        self.units: dict[str, str] = {one.name: one.unit for one in fields}
         self._arrays: dict[str, Array] = {one.name: rows[one.name] for one in fields}
         for flag in [name for name in self._arrays if name.split(".")[-1] == "present"]:
             self._mask(flag.removesuffix("present"), self._arrays[flag])

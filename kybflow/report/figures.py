@@ -250,7 +250,7 @@ def _errors(run: RecordedRun, what: str, unit: str) -> plot.Figure:
     known = "true" if run.simulated else "estimated"
     note = f"In the air, between the behavior's setpoint and the {known} {what}."
     layout = plot.over_time(run, f"{what} error (c{unit})", "tozero")
-    highest = max((_highest_aloft(track, what) for track in run.tracks), default=0.0)
+    highest = max((highest_aloft(track, what) for track in run.tracks), default=0.0)
     if highest > 0.0:
         layout["yaxis"]["range"] = [0.0, 115.0 * highest]
         note += " The axis fits behaviors that stay in the air; double-click for the full range."
@@ -258,7 +258,7 @@ def _errors(run: RecordedRun, what: str, unit: str) -> plot.Figure:
     return plot.Figure(f"{what}_error", f"{what.capitalize()} error", note, traces, layout)
 
 
-def _highest_aloft(track: Track, what: str) -> float:
+def highest_aloft(track: Track, what: str) -> float:
     """Return the largest error in behaviors that neither take off nor land, in SI units; 0 if there
     are none."""
     errors = track.position_error if what == "position" else track.velocity_error

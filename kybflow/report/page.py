@@ -4,6 +4,7 @@ is in `templates/`."""
 from __future__ import annotations
 
 import base64
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from kybflow.report.data import Picture, RecordedRun, read_run
 from kybflow.report.estimator_pages import CHI_95, estimator_pages, statistics
 from kybflow.report.events import COLLISION, EVENT, ending, fields_text, is_notable, kind_of
 from kybflow.report.figures import figures
+from kybflow.report.plot import Figure
 
 _DASH = "\N{EN DASH}"
 
@@ -34,6 +36,23 @@ def render(run: RecordedRun) -> str:
     drawn, pages = figures(run), estimator_pages(run)
     every = [*drawn, *(figure for page in pages for figure in page.figures)]
     notable = sorted(filter(is_notable, run.events), key=lambda e: kind_of(e) != COLLISION)
+    return rendered(
+        "page.html",
+        every,
+        run=run,
+        DEG=DEG,
+        spreads=f"{CHI_95:.1f}",
+        ending=ending,
+        figures=drawn,
+        statistics=list(statistics(run)),
+        pages=pages,
+        notable=notable,
+        fields_text=fields_text,
+    )
+
+
+def rendered(template: str, drawn: Iterable[Figure], **values: Any) -> str:
+    """Return a page that needs no other file. drawn: all its figures. values: of its template."""
     environment = Environment(
         loader=PackageLoader("kybflow.report"),
         autoescape=True,
@@ -46,19 +65,9 @@ def render(run: RecordedRun) -> str:
     environment.filters.update(
         code=code, errors=errors, picture=picture, quantity=quantity, scaled=scaled
     )
-    return environment.get_template("page.html").render(
-        run=run,
-        DASH=_DASH,
-        DEG=DEG,
-        spreads=f"{CHI_95:.1f}",
-        ending=ending,
-        figures=drawn,
-        statistics=list(statistics(run)),
-        pages=pages,
-        notable=notable,
-        fields_text=fields_text,
-        plotly=get_plotlyjs(),
-        data=[asdict(figure) for figure in every],
+    data = [asdict(figure) for figure in drawn]
+    return environment.get_template(template).render(
+        DASH=_DASH, plotly=get_plotlyjs(), data=data, **values
     )
 
 

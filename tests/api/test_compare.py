@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -86,3 +87,26 @@ def test_the_command_shows_tables_and_json(runs: tuple[Path, Path, Path]) -> Non
     missing = CliRunner().invoke(app, ["compare", str(high), "nowhere"])
     assert missing.exit_code == 1
     assert "`nowhere` is not a readable run" in missing.stderr
+
+
+def test_the_page_needs_no_other_file_and_overlays_the_errors(
+    runs: tuple[Path, Path, Path], tmp_path: Path
+) -> None:
+    page = tmp_path / "comparison.html"
+    said = CliRunner().invoke(app, ["compare", *map(str, runs), "--html", str(page)])
+    assert said.stdout.split() == [str(page)]
+    text = page.read_text()
+    assert not re.search(r"<(script|link|img) [^>]*(src|href)=", text)
+    [data] = re.findall(r'id="figures">(.*?)</script>', text)
+    errors, *states = json.loads(data)
+    assert [trace["name"] for trace in errors["traces"]] == ["high", "low", "again"]
+    assert {str(one["layout"]["xaxis"]) for one in states} == {str(errors["layout"]["xaxis"])}
+    assert len(states) == 3
+    assert re.search(r"FAILED \(\S+ cm, margin -", text)
+    assert "vehicles.a.behaviors.up.height" in text
+
+
+def test_a_page_that_cannot_be_written_is_told(runs: tuple[Path, Path, Path]) -> None:
+    said = CliRunner().invoke(app, ["compare", *map(str, runs), "--html", "/dev/null/page.html"])
+    assert said.exit_code == 1
+    assert "`/dev/null/page.html` can't be written: " in said.stderr

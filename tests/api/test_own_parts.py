@@ -6,12 +6,14 @@ import json
 from hashlib import sha256
 from pathlib import Path
 
+import numpy as np
 import pytest
-from toolchain import ROOT, with_library
+from toolchain import ROOT, invoke, with_library
 from typer.testing import CliRunner
 
 import kybflow
 from kybflow.cli.app import app
+from kybflow.dsl.reading.reader import RESOLVED
 
 TRACKER = ROOT / "examples" / "my_tracker.py"
 MISSION = """\
@@ -96,3 +98,33 @@ def test_what_is_wrong_with_the_file_is_told(mission: Path, name, text, told: st
     assert said.exit_code == 2
     assert told in said.output
     assert "Traceback" not in said.output
+
+
+def test_missions_are_tested_with_a_part_of_ones_own(mission: Path) -> None:
+    words = ["--jobs", 1, "--out", mission.parent / "runs"]
+    done = invoke("test", mission, "--parts", TRACKER, *words)
+    assert done.exit_code == 0, done.output
+    assert invoke("test", mission, *words).exit_code == 2
+    told = invoke("test", mission, "--parts", mission, *words).stderr
+    assert told == f"error: `{mission}` is not a Python file\n"
+
+
+def test_a_run_is_repeated_only_with_its_parts(mission: Path) -> None:
+    own = mission.parent / "my_tracker.py"
+    own.write_text(TRACKER.read_text())
+    run = kybflow.run(mission, parts=[own], out=mission.parent / "run").folder
+    again = ("run", run / RESOLVED, "--again", run, "--no-report", "--out")
+    missing = invoke(*again, mission.parent / "none")
+    first = sha256(own.read_bytes()).hexdigest()
+    assert missing.exit_code == 2
+    assert f"--parts {own} (SHA-256 {first})" in missing.stderr
+    repeated = invoke(*again, mission.parent / "same", "--parts", TRACKER)
+    assert repeated.exit_code == 0
+    assert "warning" not in repeated.stderr
+    ways = [kybflow.Run.load(mission.parent / name).vehicle("a") for name in ("run", "same")]
+    assert np.array_equal(ways[0]["truth.position"], ways[1]["truth.position"])
+    own.write_text(f"{TRACKER.read_text()}# edited\n")
+    warned = invoke(*again, mission.parent / "edited", "--parts", own)
+    assert warned.exit_code == 0
+    assert f"warning: `{own}` is not the file that the earlier run flew:" in warned.stderr
+    assert f"and was {first}" in warned.stderr

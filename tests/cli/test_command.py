@@ -16,8 +16,8 @@ from toolchain import invoke
 from waiting import until
 from waiting_mission import MISSION
 
-from kybflow.api.commands import CommandRefused, connect
 from kybflow.cli.commands.command import described
+from kybflow.command_server.client import CommandRefused, connect
 
 SPEED = "8"
 

@@ -4,6 +4,6 @@ their help text. `COMMANDS` lists the commands in the order of the help."""
 
 COMMANDS = (
     "run", "command", "validate", "rehearse", "test", "preflight", "record-input", "explain",
-    "graph", "show", "export", "compare", "replay", "new", "library", "mocap-server", "parts",
-    "schema", "tags", "calibrate", "mavlink", "emulate", "ardrone",
+    "graph", "show", "export", "compare", "figure", "replay", "new", "library", "mocap-server",
+    "parts", "schema", "tags", "calibrate", "mavlink", "emulate", "ardrone",
 )  # fmt: skip

@@ -23,28 +23,37 @@ def command(
     format: Annotated[
         Literal["text", "json"], Option(help="Output for people or programs.")
     ] = "text",
+    html: Annotated[Path | None, Option(help="Write a page with figures to this file.")] = None,
     whole: Annotated[bool, Option("--all", help="Show also what is the same.")] = False,
 ) -> None:
     """Compare runs: outcome, code, parameters, errors, expectations, the first different event.
 
-    Only what differs is shown, but for the errors, unless with --all.
+    Only what differs is shown, but for the errors, unless with --all. The page of --html shows all.
 
     \b
     Exit codes:
     0: the runs are compared.
-    1: a run can't be read.
+    1: a run can't be read, or the page can't be written.
 
     \b
     Examples:
       kybflow compare runs/eight-1 runs/eight-2
       kybflow compare runs/* --format json
+      kybflow compare runs/* --html comparison.html
     """
     from kybflow.api.compare import compare
     from kybflow.api.runs import Run
 
     with failing(FAILED, KybflowError):
         loaded = [Run.load(folder) for folder in runs]
-    rows = [row for row in compare(loaded) if whole or row.differs or row.section == "error"]
+        every = compare(loaded)
+        if html is not None:
+            from kybflow.report.comparison import write_comparison
+
+            write_comparison(html, runs, every)
+            echo(str(html))
+            raise Exit(0)
+    rows = [row for row in every if whole or row.differs or row.section == "error"]
     if format == "json":
         facts = [{"section": r.section, "name": r.name, "values": r.values} for r in rows]
         echo(json.dumps({"kybflow": 1, "runs": [*map(str, runs)], "rows": facts}, indent=2))

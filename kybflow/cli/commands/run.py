@@ -12,7 +12,7 @@ from typer import Argument, Exit, Option
 
 from kybflow.cli import arguments
 from kybflow.cli.output import UnwaitedStream, console, echo, notices, printer
-from kybflow.core.errors import FAILED, INTERRUPTED, INVALID, KybflowError
+from kybflow.core.errors import FAILED, INTERRUPTED, INVALID, KybflowError, PartError
 
 if TYPE_CHECKING:
     from kybflow.api.flight import Flown, RunRequest, Server
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from kybflow.core.signals import Event
     from kybflow.dsl.compiler import Result
     from kybflow.dsl.plan import Plan
+    from kybflow.recording.earlier_run import EarlierRun
     from kybflow.runtime.commanding.command_queue import RecordedCommand
     from kybflow.runtime.engine import Observer
 
@@ -53,7 +54,7 @@ def command(
     A simulation flies as fast as possible unless --speed sets its pace. Hardware flies only after
     a rehearsal on ideal vehicles, as with --rehearse, that finds no error. --again repeats an
     earlier run from its folder: its target, seed, --set, --option and --emit, and its commands and
-    inputs at the same times.
+    inputs at the same times. Give the files of --parts anew.
 
     \b
     Exit codes:
@@ -88,6 +89,7 @@ def command(
         sets = [] if is_resolved else [*earlier.sets]
         options = [arguments.Change(*change) for change in earlier.options]
         emits = [arguments.Emitted(*emitted) for emitted in earlier.emits]
+        _check_parts(earlier, parts)
     plan, result = arguments.compiled(mission, target, sets, parts)
     skips = rehearses is False and not plan.simulated
     rehearsed = None
@@ -102,6 +104,24 @@ def command(
             rehearsed=rehearsed,
         )
     )  # fmt: skip
+
+
+def _check_parts(earlier: EarlierRun, parts: Sequence[Path]) -> None:
+    """Warn of files of --parts that differ from those of the earlier run. Exits with INVALID if one
+    is missing or not a part."""
+    from kybflow.parts.catalog import load_catalog
+
+    with arguments.failing(INVALID, PartError):
+        given = {file.name: (file, digest) for file, digest in load_catalog(*parts).files}
+    missing = [(file, digest) for file, digest in earlier.parts if file.name not in given]
+    if missing:
+        files = "".join(f"\n  --parts {file} (SHA-256 {digest})" for file, digest in missing)
+        raise arguments.WrongUsage(f"the earlier run flew parts that --again doesn't load:{files}")
+    for flown, digest in earlier.parts:
+        file, own = given[flown.name]
+        if own != digest:
+            echo(f"warning: `{file}` is not the file that the earlier run flew:", err=True)
+            echo(f"  its SHA-256 is {own}, and was {digest}", err=True)
 
 
 def _rehearse(

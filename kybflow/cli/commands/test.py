@@ -11,9 +11,9 @@ from typing import Annotated
 
 from typer import Argument, Exit, Option
 
-from kybflow.cli.arguments import Sets, Target, writing, wrong
+from kybflow.cli.arguments import Parts, Sets, Target, failing, writing, wrong
 from kybflow.cli.output import console, echo
-from kybflow.core.errors import INVALID
+from kybflow.core.errors import INVALID, PartError
 
 _SEEDS = re.compile(r"(\d{1,9})(?:\.\.(\d{1,9}))?")
 _MOST_SEEDS = 100_000
@@ -32,6 +32,7 @@ def command(
     keep: Annotated[bool, Option("--keep", help="Keep every run folder.")] = False,
     target: Target = None,
     sets: Sets,
+    parts: Parts,
 ) -> None:
     """Fly missions as tests, and list the states and transitions that no flight takes.
 
@@ -54,15 +55,19 @@ def command(
     from kybflow.campaigns.cases import FlightCase, missions_under, write_junit
     from kybflow.campaigns.session import coverage_of, exit_code, run_cases
     from kybflow.cli.printing.flights import progress, show_table
+    from kybflow.parts.catalog import load_catalog
 
     folder = out / f"test-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     numbers = _seeds(seeds)
+    with failing(INVALID, PartError):  # fails before the flights
+        load_catalog(*parts)
     found = list(missions_under(paths))
     if not found:
         echo(f"{', '.join(map(str, paths))}: no missions found", err=True)
         raise Exit(INVALID)
+    asked = (target, tuple(sets), keep, tuple(parts))
     cases = [
-        FlightCase(path, seed, folder / f"{n}-{path.stem}-{seed}", target, tuple(sets), keep)
+        FlightCase(path, seed, folder / f"{n}-{path.stem}-{seed}", *asked)
         for n, path in enumerate(found)
         for seed in numbers
     ]
