@@ -36,6 +36,12 @@ class EarlierRun(NamedTuple):
     inputs: dict[str, str]
     parts: tuple[tuple[Path, str], ...]
 
+    def missing_parts(self, given: Iterable[str]) -> str:
+        """Return the `--parts` that are missing, a line each. given: the names of the given
+        files."""
+        missing = [(file, digest) for file, digest in self.parts if file.name not in given]
+        return "".join(f"\n  --parts {file} (SHA-256 {digest})" for file, digest in missing)
+
 
 def read_earlier_run(folder: Path) -> EarlierRun:
     """Read the run in `folder`. Raises RunFolderError."""

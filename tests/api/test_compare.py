@@ -79,7 +79,7 @@ def test_the_command_shows_tables_and_json(runs: tuple[Path, Path, Path]) -> Non
     said = CliRunner().invoke(app, ["compare", str(high), str(low)])
     assert said.exit_code == 0
     assert "vehicles.a.behaviors.up.height  1 m" in said.output
-    told = CliRunner().invoke(app, ["compare", str(high), str(low), "--format", "json"])
+    told = CliRunner().invoke(app, ["compare", str(high), str(low), "--json"])
     rows = json.loads(told.output)["rows"]
     assert {"section": "run", "name": "outcome", "values": ["succeeded", "failed"]} in rows
     copied = CliRunner().invoke(app, ["compare", str(high), str(again)])

@@ -84,6 +84,8 @@ def replay(
     """
     folder = Path(run)
     recorded, earlier = Run.load(folder), read_earlier_run(folder)
+    if missing := earlier.missing_parts([Path(part).name for part in parts]):
+        raise RunFolderError(f"`{folder}` was flown with parts that are not given:{missing}")
     flown = mission or _unchanged(recorded)
     sets = earlier.sets if flown else ()
     plan, _ = compile_plan(flown or folder / RESOLVED, earlier.target, sets, parts)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from itertools import groupby
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from typer import Argument, Exit, Option
 
@@ -20,9 +20,7 @@ _LONGEST = 60
 def command(
     runs: Annotated[list[Path], Argument(help="Two or more run folders.")],
     *,
-    format: Annotated[
-        Literal["text", "json"], Option(help="Output for people or programs.")
-    ] = "text",
+    as_json: Annotated[bool, Option("--json", help="Output for programs.")] = False,
     html: Annotated[Path | None, Option(help="Write a page with figures to this file.")] = None,
     whole: Annotated[bool, Option("--all", help="Show also what is the same.")] = False,
 ) -> None:
@@ -38,7 +36,7 @@ def command(
     \b
     Examples:
       kybflow compare runs/eight-1 runs/eight-2
-      kybflow compare runs/* --format json
+      kybflow compare runs/* --json
       kybflow compare runs/* --html comparison.html
     """
     from kybflow.api.compare import compare
@@ -54,7 +52,7 @@ def command(
             echo(str(html))
             raise Exit(0)
     rows = [row for row in every if whole or row.differs or row.section == "error"]
-    if format == "json":
+    if as_json:
         facts = [{"section": r.section, "name": r.name, "values": r.values} for r in rows]
         echo(json.dumps({"kybflow": 1, "runs": [*map(str, runs)], "rows": facts}, indent=2))
         raise Exit(0)

@@ -113,10 +113,11 @@ def _check_parts(earlier: EarlierRun, parts: Sequence[Path]) -> None:
 
     with arguments.failing(INVALID, PartError):
         given = {file.name: (file, digest) for file, digest in load_catalog(*parts).files}
-    missing = [(file, digest) for file, digest in earlier.parts if file.name not in given]
+    missing = earlier.missing_parts(given)
     if missing:
-        files = "".join(f"\n  --parts {file} (SHA-256 {digest})" for file, digest in missing)
-        raise arguments.WrongUsage(f"the earlier run flew parts that --again doesn't load:{files}")
+        raise arguments.WrongUsage(
+            f"the earlier run flew parts that --again doesn't load:{missing}"
+        )
     for flown, digest in earlier.parts:
         file, own = given[flown.name]
         if own != digest:
