@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from typer import Argument
+from typer import Argument, Option
 
 from kybflow.cli.arguments import Check, WriteTo, published, unknown
 from kybflow.cli.output import echo
@@ -12,6 +12,7 @@ from kybflow.cli.output import echo
 
 def command(
     name: Annotated[str | None, Argument(help="Name of a part; by default all are listed.")] = None,
+    api: Annotated[bool, Option("--api", help="The page for authors of parts.")] = False,
     write_to: WriteTo = None,
     check: Check = None,
 ) -> None:
@@ -25,7 +26,14 @@ def command(
       kybflow parts
       kybflow parts circle
       kybflow parts --check docs/parts.md
+      kybflow parts --api --write docs/parts-in-python.md
     """
+    if api:
+        from kybflow.cli.printing import authors
+
+        if not published(authors.page, "kybflow parts --api", write_to, check):
+            echo(authors.page())
+        return
     from kybflow.cli.printing.reference import list_parts, page, show_part
     from kybflow.parts.catalog import load_catalog
 
