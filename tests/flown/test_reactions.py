@@ -47,6 +47,7 @@ def test_its_event_carries_the_reason_the_value_the_bound_and_the_mission_line(r
         assert (event.fields, event.at) == (expected, LINE)
 
 
+@pytest.mark.thorough
 def test_the_severest_of_a_tick_wins(run):
     first, second = (alarming((8.0, 8.2, r), event=r.name.lower()) for r in (GO_HOME, LAND_BLIND))
     _, told = run(flight(first, second))
@@ -55,6 +56,7 @@ def test_the_severest_of_a_tick_wins(run):
     assert {e.name for e in told} >= {"go_home", "land_blind"}
 
 
+@pytest.mark.thorough
 def test_what_is_latched_gives_way_to_what_is_severer_and_to_nothing_else(run):
     alarms = alarming((7.0, 7.2, GO_HOME), (7.5, 7.7, BRAKE), (8.0, 8.2, LAND), (8.5, 9.0, GO_HOME))
     _, told = run(flight(alarms))
@@ -63,6 +65,7 @@ def test_what_is_latched_gives_way_to_what_is_severer_and_to_nothing_else(run):
     assert reactions == ["go_home", "land"]
 
 
+@pytest.mark.thorough
 def test_go_home_lands_at_the_start(run):
     where = []
 
@@ -142,6 +145,7 @@ def test_a_third_brake_holds_for_good_even_so(run):
     assert "held for 8 s" in flown.summary["reason"]
 
 
+@pytest.mark.thorough
 def test_a_brake_that_holds_for_good_does_not_stop_within(run):
     """Its behavior never goes on, so that only a landing is left of what it may take."""
     late = TransitionPlan(target="away", cause="within", after=4.0)
@@ -155,6 +159,7 @@ def test_a_brake_that_holds_for_good_does_not_stop_within(run):
     assert "`timed` failed: held for" in flown.summary["reason"]
 
 
+@pytest.mark.thorough
 def test_a_brake_that_lasts_lands_though_its_alarm_goes_on(run):
     flown, told = run(flight(alarming((6.0, 99.0, BRAKE)), hover_limit=3.0))
     assert path(told, "a")[-2:] == ["auto_land", "landed"]
