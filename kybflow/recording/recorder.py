@@ -1,4 +1,4 @@
-"""Records a run into an MCAP file. This is the only module that uses the foxglove SDK.
+"""Records a run into an MCAP file.
 
 - `/NAME/tick`: one message per control tick (`kybflow.recording.layout`).
 - `/NAME/KIND`: each measurement as it arrives. For a camera frame, `/NAME/frame/CAMERA` holds only
@@ -9,15 +9,18 @@
 - `/events`: every event as JSON. `/obstacles`: the moving obstacles, 20 times a second.
 - `/objects`: the objects as motion capture saw them and, in simulation, as they are, with the
   forces on them, 20 times a second.
+- What viewers draw, in Foxglove's standard messages (`kybflow.recording.viewers`).
 
 Log and publish times are the tick's time, so that two runs with the same seed give the same bytes.
-docs/adr/0001-recording-encoding.md explains the encoding.
+docs/adr/0001-recording-encoding.md explains the encoding, docs/adr/0027-what-viewers-draw.md what
+viewers draw.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from datetime import datetime
 from pathlib import Path
 from struct import Struct
 from typing import Any
@@ -71,6 +74,7 @@ from kybflow.recording.layout import (
     struct_format,
 )
 from kybflow.recording.run_folder import GrowingFile
+from kybflow.recording.viewers.channels import RunView, VehicleView, frame_every
 from kybflow.runtime.events import EstimationState, VehicleObserver
 from kybflow.world.objects import ObjectState
 
@@ -105,9 +109,9 @@ _POSITION_NUMBER = SETPOINT_KINDS[_POSITION]
 
 class Recorder:
     """The recording of a run. failed: why recording stopped, None while it works; no method raises
-    for this. Raises RunUnwritten if the file can't be opened."""
+    for this. started: when the run began. Raises RunUnwritten if the file can't be opened."""
 
-    def __init__(self, path: Path, plan: Plan) -> None:
+    def __init__(self, path: Path, plan: Plan, started: datetime | None = None) -> None:
         self._file = GrowingFile.of_run(path, "recording")
         self._context = Context()
         per_second = plan.control_rate * max(1, len(plan.vehicles)) * _TICK.size
@@ -121,7 +125,7 @@ class Recorder:
                 calculate_data_section_crc=False,
             ),
         )
-        self._writer.write_metadata(METADATA, {"plan": json.dumps(head(plan))})
+        self._writer.write_metadata(METADATA, {"plan": json.dumps(head(plan, started))})
         self._events = Channel(EVENTS_TOPIC, schema=EVENT_SCHEMA, context=self._context)
         self._obstacles: Channel | None = None
         if plan.moving:
@@ -131,9 +135,10 @@ class Recorder:
         self._objects: Channel | None = None
         if plan.objects:
             self._objects = Channel(OBJECTS_TOPIC, schema=OBJECTS_SCHEMA, context=self._context)
-        every = kept_every(plan.control_rate)
+        self._view = RunView(plan, self._context)
         self._vehicles = {
-            v.name: VehicleChannel(v.name, every, self._context) for v in plan.vehicles
+            name: VehicleChannel(name, plan.control_rate, view, self._context)
+            for name, view in self._view.vehicles.items()
         }
         self._closed = False
 
@@ -149,11 +154,14 @@ class Recorder:
         return self._vehicles[name]
 
     def event(self, event: Event) -> None:
-        self._events.base.log(json.dumps(event_record(event)).encode(), event.time)
+        record = event_record(event)
+        self._events.base.log(json.dumps(record).encode(), event.time)
+        self._view.event(event.time, record)
 
     def obstacles(self, now: Time, seen: SeenObstacles) -> None:
         if self._obstacles is not None:
             self._obstacles.base.log(json.dumps(obstacles_record(seen)).encode(), now)
+            self._view.obstacles(now, seen)
 
     def objects(
         self,
@@ -167,6 +175,7 @@ class Recorder:
         if self._objects is not None:
             told = objects_record(true, seen, forces, touching)
             self._objects.base.log(json.dumps(told).encode(), now)
+            self._view.objects(now, seen)
 
     def close(self) -> None:
         """Write pending data and the index, and close the file; may be called again."""
@@ -177,10 +186,11 @@ class Recorder:
 
 
 class VehicleChannel(VehicleObserver):
-    """Records one vehicle. every: the estimators are recorded once in this number of ticks."""
+    """Records one vehicle. view: logs what viewers draw of it."""
 
-    def __init__(self, name: str, every: int, context: Context) -> None:
-        self._every, self._ticks = every, 0
+    def __init__(self, name: str, control_rate: int, view: VehicleView, context: Context) -> None:
+        self._every, self._drawn_every = kept_every(control_rate), frame_every(control_rate)
+        self._ticks, self._view = 0, view
         self._tick = _log(context, f"/{name}/tick", "Tick")
         self._name, self._context = name, context
         self._measured: dict[MeasurementKind, _Measured] = {}
@@ -223,6 +233,8 @@ class VehicleChannel(VehicleObserver):
             self._setpoint("command", sent, now)
         if self._ticks % self._every == 0:
             self._candidates(now, estimation)
+        if self._ticks % self._drawn_every == 0:
+            self._view.draw(now, estimate, setpoint, truth)
         self._ticks += 1
 
     def _setpoint(self, topic: str, setpoint: Setpoint | None, now: Time) -> None:
