@@ -249,7 +249,7 @@ def objects_record(
     return found
 
 
-def head(plan: Plan, started: datetime | None) -> dict[str, Any]:
+def head(plan: Plan, started: datetime | None = None) -> dict[str, Any]:
     """Return the metadata of a recording: the facts about the mission that its readers need.
 
     started: when the run began, by the machine's clock. A simulated run leaves it out, so that the

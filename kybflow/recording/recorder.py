@@ -74,7 +74,7 @@ from kybflow.recording.layout import (
     struct_format,
 )
 from kybflow.recording.run_folder import GrowingFile
-from kybflow.recording.viewers.channels import RunView, VehicleView, frame_every
+from kybflow.recording.viewers.channels import DrawnRun, DrawnVehicle, frame_every
 from kybflow.runtime.events import EstimationState, VehicleObserver
 from kybflow.world.objects import ObjectState
 
@@ -135,10 +135,10 @@ class Recorder:
         self._objects: Channel | None = None
         if plan.objects:
             self._objects = Channel(OBJECTS_TOPIC, schema=OBJECTS_SCHEMA, context=self._context)
-        self._view = RunView(plan, self._context)
+        self._drawn = DrawnRun(plan, self._context)
         self._vehicles = {
-            name: VehicleChannel(name, plan.control_rate, view, self._context)
-            for name, view in self._view.vehicles.items()
+            name: VehicleChannel(name, plan.control_rate, drawn, self._context)
+            for name, drawn in self._drawn.vehicles.items()
         }
         self._closed = False
 
@@ -156,12 +156,12 @@ class Recorder:
     def event(self, event: Event) -> None:
         record = event_record(event)
         self._events.base.log(json.dumps(record).encode(), event.time)
-        self._view.event(event.time, record)
+        self._drawn.event(event.time, record)
 
     def obstacles(self, now: Time, seen: SeenObstacles) -> None:
         if self._obstacles is not None:
             self._obstacles.base.log(json.dumps(obstacles_record(seen)).encode(), now)
-            self._view.obstacles(now, seen)
+            self._drawn.obstacles(now, seen)
 
     def objects(
         self,
@@ -175,7 +175,7 @@ class Recorder:
         if self._objects is not None:
             told = objects_record(true, seen, forces, touching)
             self._objects.base.log(json.dumps(told).encode(), now)
-            self._view.objects(now, seen)
+            self._drawn.objects(now, seen)
 
     def close(self) -> None:
         """Write pending data and the index, and close the file; may be called again."""
@@ -186,11 +186,11 @@ class Recorder:
 
 
 class VehicleChannel(VehicleObserver):
-    """Records one vehicle. view: logs what viewers draw of it."""
+    """Records one vehicle. drawn: logs what viewers draw of it."""
 
-    def __init__(self, name: str, control_rate: int, view: VehicleView, context: Context) -> None:
+    def __init__(self, name: str, control_rate: int, drawn: DrawnVehicle, context: Context) -> None:
         self._every, self._drawn_every = kept_every(control_rate), frame_every(control_rate)
-        self._ticks, self._view = 0, view
+        self._ticks, self._drawn = 0, drawn
         self._tick = _log(context, f"/{name}/tick", "Tick")
         self._name, self._context = name, context
         self._measured: dict[MeasurementKind, _Measured] = {}
@@ -234,7 +234,7 @@ class VehicleChannel(VehicleObserver):
         if self._ticks % self._every == 0:
             self._candidates(now, estimation)
         if self._ticks % self._drawn_every == 0:
-            self._view.draw(now, estimate, setpoint, truth)
+            self._drawn.draw(now, estimate, setpoint, truth)
         self._ticks += 1
 
     def _setpoint(self, topic: str, setpoint: Setpoint | None, now: Time) -> None:

@@ -44,7 +44,7 @@ from kybflow.world.objects import place_of
 
 SCENE_TOPIC, SCANS_TOPIC, LOG_TOPIC = "/scene", "/scans", "/log"
 FRAME_RATE = 30
-"""The rate of frames and setpoints, Hz; the next higher one that is a whole number of ticks."""
+"""The rate of frames and setpoints, Hz; in fact the nearest that takes a whole number of ticks."""
 TRAIL_SECONDS = 20
 _TRUE_EVERY, _POINT_EVERY = 3, 6
 """How many frames there are for each true pose, and for each point of a trail."""
@@ -53,11 +53,11 @@ _LEVELS = {EVENT: fox.LogLevel.Info, ALARM: fox.LogLevel.Warning, COLLISION: fox
 
 def frame_every(control_rate: int) -> int:
     """Return n such that every n-th tick is drawn."""
-    return max(1, control_rate // FRAME_RATE)
+    return max(1, round(control_rate / FRAME_RATE))
 
 
-class RunView:
-    """Logs what viewers draw of a run. vehicles: the views of its vehicles, by name."""
+class DrawnRun:
+    """Logs what viewers draw of a run. vehicles: its vehicles, by name."""
 
     def __init__(self, plan: Plan, context: Context) -> None:
         self._objects = plan.objects
@@ -65,12 +65,12 @@ class RunView:
         channels.SceneUpdateChannel(SCENE_TOPIC, context=context).log(scene(plan), log_time=0)
         if (points := scans(plan)) is not None:
             channels.PointCloudChannel(SCANS_TOPIC, context=context).log(points, log_time=0)
-        self._tf = {
-            topic: channels.FrameTransformsChannel(topic, context=context)
+        self._fleet_frames, self._obstacle_frames, self._object_frames = (
+            channels.FrameTransformsChannel(topic, context=context)
             for topic in ("/tf", "/tf/obstacles", "/tf/objects")
-        }
+        )
         shades = colours(plan)
-        self.vehicles = {name: VehicleView(name, shades[name], self, context) for name in shades}
+        self.vehicles = {name: DrawnVehicle(name, shades[name], self, context) for name in shades}
         self._waiting: list[fox.FrameTransform] = []
         self._missing = len(shades)
 
@@ -80,50 +80,47 @@ class RunView:
         message = fox.Log(
             timestamp=stamp(now), level=_LEVELS[kind_of(record)],
             message=f"{record['event']} {fields_text(record)}".rstrip(),
-            name=record["vehicle"] or "run",
-            file=file, line=int(line) if line.isdecimal() else 0,
+            name=record["vehicle"] or "run", file=file, line=int(line) if line.isdecimal() else 0,
         )  # fmt: skip
         self._log.log(message, log_time=now)
 
     def obstacles(self, now: Time, seen: SeenObstacles) -> None:
         at = stamp(now)
         frames = [_frame(at, name, one.position, LEVEL) for name, one in seen.items()]
-        self._move("/tf/obstacles", now, frames)
+        self._obstacle_frames.log(fox.FrameTransforms(transforms=frames), log_time=now)
 
     def objects(self, now: Time, seen: SeenObjects) -> None:
         """Log where the objects are. One that nobody has seen is where it starts."""
         at = stamp(now)
         frames = [_frame(at, name, *place_of(self._objects, seen, name)) for name in self._objects]
-        self._move("/tf/objects", now, frames)
+        self._object_frames.log(fox.FrameTransforms(transforms=frames), log_time=now)
 
-    def vehicle(self, now: Time, frames: list[fox.FrameTransform]) -> None:
+    def moved(self, now: Time, frames: list[fox.FrameTransform]) -> None:
         """Collect the frames of a vehicle, and log those of all once the last has come."""
         self._waiting += frames
         self._missing -= 1
         if self._missing == 0:
-            self._move("/tf", now, self._waiting)
+            fleet = fox.FrameTransforms(transforms=self._waiting)
+            self._fleet_frames.log(fleet, log_time=now)
             self._waiting, self._missing = [], len(self.vehicles)
 
-    def _move(self, topic: str, now: Time, frames: list[fox.FrameTransform]) -> None:
-        self._tf[topic].log(fox.FrameTransforms(transforms=frames), log_time=now)
 
-
-class VehicleView:
+class DrawnVehicle:
     """Logs what viewers draw of a vehicle."""
 
-    def __init__(self, name: str, shade: str, run: RunView, context: Context) -> None:
+    def __init__(self, name: str, shade: str, run: DrawnRun, context: Context) -> None:
         self._name, self._true, self._colour, self._run = name, true_frame(name), colour(shade), run
         self._setpoint = channels.PoseInFrameChannel(f"/{name}/setpoint_pose", context=context)
         self._error = channels.Vector3Channel(f"/{name}/position_error", context=context)
         self._trail = channels.SceneUpdateChannel(f"/{name}/trail", context=context)
         self._path = deque[fox.Point3](maxlen=TRAIL_SECONDS * FRAME_RATE // _POINT_EVERY)
-        self._drawn = 0
+        self._frames = 0
 
     def draw(
         self, now: Time, estimate: Estimate | None, setpoint: Setpoint | None, truth: Truth | None
     ) -> None:
         """Log a frame. truth: None on hardware."""
-        number, self._drawn = self._drawn, self._drawn + 1
+        number, self._frames = self._frames, self._frames + 1
         shows_truth, at, frames = number % _TRUE_EVERY == 0, stamp(now), []
         if estimate is not None:
             frames.append(_frame(at, self._name, estimate.position, estimate.attitude))
@@ -131,7 +128,7 @@ class VehicleView:
                 self._path.append(point(estimate.position))
         if truth is not None and shows_truth:
             frames.append(_frame(at, self._true, truth.position, truth.attitude))
-        self._run.vehicle(now, frames)
+        self._run.moved(now, frames)
         if setpoint is not None and setpoint.position is not None:
             wanted = pose(setpoint.position, from_heading(setpoint.heading or 0.0))
             goal = fox.PoseInFrame(timestamp=at, frame_id=WORLD_FRAME, pose=wanted)
