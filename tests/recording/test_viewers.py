@@ -138,10 +138,10 @@ def test_a_setpoint_without_a_position_is_not_drawn(tmp_path):
     assert of_topic(path, "/a/setpoint_pose") == of_topic(path, "/a/position_error") == []
 
 
-def test_a_trail_is_of_the_last_twenty_seconds(tmp_path):
+def test_a_trail_is_of_the_last_fifteen_seconds(tmp_path):
     path = flown(tmp_path / LOG, make_plan("a", rate=RATE), 40 * RATE)
     lengths = [len(trail.entities[0].lines[0].points) for trail in of_topic(path, "/a/trail")]
-    assert lengths == [*range(1, 100, 5), *[100] * (len(lengths) - 20)]
+    assert lengths == [min(1 + 30 * second // 8, 56) for second in range(42)]
 
 
 def test_the_world_is_drawn_once_and_what_moves_in_its_own_frame(tmp_path):

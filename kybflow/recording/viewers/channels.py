@@ -45,8 +45,8 @@ from kybflow.world.objects import place_of
 SCENE_TOPIC, SCANS_TOPIC, LOG_TOPIC = "/scene", "/scans", "/log"
 FRAME_RATE = 30
 """The rate of frames and setpoints, Hz; in fact the nearest that takes a whole number of ticks."""
-TRAIL_SECONDS = 20
-_TRUE_EVERY, _POINT_EVERY = 3, 6
+TRAIL_SECONDS = 15
+_TRUE_EVERY, _POINT_EVERY = 3, 8
 """How many frames there are for each true pose, and for each point of a trail."""
 _LEVELS = {EVENT: fox.LogLevel.Info, ALARM: fox.LogLevel.Warning, COLLISION: fox.LogLevel.Error}
 
