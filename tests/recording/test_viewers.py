@@ -172,14 +172,14 @@ def test_the_world_is_drawn_once_and_what_moves_in_its_own_frame(tmp_path):
     (scene,) = of_topic(tmp_path / LOG, "/scene")
     entities = {one.id: one for one in scene.entities}
     frames = {one.id: one.frame_id for one in scene.entities}
-    standing = ("fence", "crate", "pole", "ball", "wall", "tags")
+    standing = ("world/fence", "crate", "pole", "ball", "wall", "world/tags")
     moving = ("pendulum", "cart", "flag", "a", "a/true")
     assert frames == dict.fromkeys(standing, "world") | {name: name for name in moving}
     assert all(one.frame_locked for one in scene.entities)
-    assert len(entities["fence"].lines[0].points) == 24
+    assert len(entities["world/fence"].lines[0].points) == 24
     assert numbers(entities["crate"].cubes[0].pose.position) == (0.5, 1.0, 1.5)
     assert numbers(entities["pole"].cylinders[0].pose.position) == (1.0, 1.0, 1.0)
-    assert numbers(entities["tags"].cubes[0].size)[:2] == (0.15, 0.15)
+    assert numbers(entities["world/tags"].cubes[0].size)[:2] == (0.15, 0.15)
     assert len(entities["cart"].cubes) == 2
     assert len(entities["a"].cylinders) == 4
     (scan,) = of_topic(tmp_path / LOG, "/scans")

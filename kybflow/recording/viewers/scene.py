@@ -66,7 +66,7 @@ def pose(position: Vec3, attitude: Quat = LEVEL) -> fox.Pose:
 
 def scene(plan: Plan) -> fox.SceneUpdate:
     """Return everything whose shape doesn't change, except for scanned obstacles."""
-    return fox.SceneUpdate(entities=[*_standing(plan), *_moving(plan)])
+    return fox.SceneUpdate(entities=[*_entities(plan)])
 
 
 def scans(plan: Plan) -> fox.PointCloud | None:
@@ -90,19 +90,16 @@ def scans(plan: Plan) -> fox.PointCloud | None:
     )  # fmt: skip
 
 
-def _standing(plan: Plan) -> Iterator[fox.SceneEntity]:
+def _entities(plan: Plan) -> Iterator[fox.SceneEntity]:
     if plan.fence is not None:
-        yield _entity("fence", WORLD_FRAME, lines=[_edges(plan.fence)])
+        yield _entity("world/fence", WORLD_FRAME, lines=[_edges(plan.fence)])
     for name, shape in plan.obstacles.items():
         if not isinstance(shape, Scanned):
             yield _entity(name, WORLD_FRAME, **_solid(shape, colour(_OBSTACLE, 0.6)))
     if len(plan.tags):
         black = colour(_TAG)
         tags = [_cube(t.position, t.attitude, (t.size, t.size, _THIN), black) for t in plan.tags]
-        yield _entity("tags", WORLD_FRAME, cubes=tags)
-
-
-def _moving(plan: Plan) -> Iterator[fox.SceneEntity]:
+        yield _entity("world/tags", WORLD_FRAME, cubes=tags)
     for name, ball in plan.moving.items():
         yield _entity(name, name, **_solid(Sphere(ZERO, ball.radius), colour(_OBSTACLE)))
     for one in plan.objects.values():
