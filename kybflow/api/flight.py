@@ -36,7 +36,7 @@ from kybflow.parts.events import (
 from kybflow.recording.outcome import EXIT_CODES, Ending, summarise
 from kybflow.recording.pictures import Pictures
 from kybflow.recording.recorder import Recorder
-from kybflow.recording.run_folder import create_run_folder
+from kybflow.recording.run_folder import LAYOUT, create_run_folder
 from kybflow.runtime.clock import Clock
 from kybflow.runtime.commanding.command_queue import CommandQueue, RecordedCommand
 from kybflow.runtime.commanding.legal import check_emitted
@@ -186,10 +186,13 @@ class _Record:
     that both still exist; if one is lost, it emits an event and checks no more."""
 
     def __init__(self, plan: Plan, request: RunRequest, started: datetime) -> None:
+        from kybflow.recording.viewers.panels import layout  # loads in 70 ms
+
         self.folder = create_run_folder(plan, request.out, started)
         try:
             self.folder.describe(plan, request.record(), started)
-            self.recorder = Recorder(self.folder.log, plan)
+            self.folder.add(LAYOUT, layout(plan).encode())
+            self.recorder = Recorder(self.folder.log, plan, started)
         except BaseException:
             self.folder.close()
             raise

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import types
 from collections.abc import Callable, Iterator, Mapping
+from datetime import datetime
 from functools import cache
 from itertools import chain, islice
 from operator import itemgetter
@@ -265,14 +266,19 @@ def objects_record(
     return found
 
 
-def head(plan: Plan) -> dict[str, Any]:
-    """Return the metadata of a recording: the facts about the mission that its readers need."""
+def head(plan: Plan, started: datetime | None = None) -> dict[str, Any]:
+    """Return the metadata of a recording: the facts about the mission that its readers need.
+
+    started: when the run began, by the machine's clock. A simulated run leaves it out, so that the
+    same seed gives the same bytes.
+    """
     objects = _objects(plan)
     return {
         "mission": plan.mission,
         "summary": plan.summary,
         "target": plan.target,
         "simulated": plan.simulated,
+        **({} if started is None or plan.simulated else {"started": started.isoformat()}),
         "control_rate": plan.control_rate,
         "fence": [plan.fence.low, plan.fence.high] if plan.fence else None,
         "vehicles": {v.name: _vehicle(v, plan) for v in plan.vehicles},

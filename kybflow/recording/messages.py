@@ -189,7 +189,8 @@ class _Channels:
         schema = self._schemas.get(channel.schema_id)
         is_plain = schema is None or schema.encoding != "ros1msg"
         definition = "" if schema is None or is_plain else schema.data.decode()
-        wanted = self._wants(channel.topic)
+        is_drawn = schema is not None and schema.encoding == "protobuf"  # by viewers only
+        wanted = not is_drawn and self._wants(channel.topic)
         collected = _Collected(channel.topic, definition) if wanted else None
         self._channels[channel.id] = collected
 

@@ -1,4 +1,4 @@
-"""Records a run into an MCAP file. This is the only module that uses the foxglove SDK.
+"""Records a run into an MCAP file.
 
 - `/NAME/tick`: one message per control tick (`kybflow.recording.layout`).
 - `/NAME/KIND`: each measurement as it arrives. For a camera frame, `/NAME/frame/CAMERA` holds only
@@ -15,15 +15,18 @@
 - `/events`: every event as JSON. `/obstacles`: the moving obstacles, 20 times a second.
 - `/objects`: the objects as motion capture saw them and, in simulation, as they are, with the
   forces on them, 20 times a second.
+- What viewers draw, in Foxglove's standard messages (`kybflow.recording.viewers`).
 
 Log and publish times are the tick's time, so that two runs with the same seed give the same bytes.
-docs/adr/0001-recording-encoding.md explains the encoding.
+docs/adr/0001-recording-encoding.md explains the encoding, docs/adr/0027-what-viewers-draw.md what
+viewers draw.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from datetime import datetime
 from pathlib import Path
 from struct import Struct
 from typing import Any, cast
@@ -81,6 +84,7 @@ from kybflow.recording.layout import (
     struct_format,
 )
 from kybflow.recording.run_folder import GrowingFile
+from kybflow.recording.viewers.channels import DrawnRun, DrawnVehicle, frame_every
 from kybflow.runtime.events import EstimationState, VehicleObserver, WorldObserver
 from kybflow.world.objects import ObjectState
 
@@ -121,9 +125,9 @@ MOMENTS = frozenset({"status_texts", "foreign_commands", "touch"})
 
 class Recorder(WorldObserver):
     """The recording of a run. failed: why recording stopped, None while it works; no method raises
-    for this. Raises RunUnwritten if the file can't be opened."""
+    for this. started: when the run began. Raises RunUnwritten if the file can't be opened."""
 
-    def __init__(self, path: Path, plan: Plan) -> None:
+    def __init__(self, path: Path, plan: Plan, started: datetime | None = None) -> None:
         self._file = GrowingFile.of_run(path, "recording")
         self._context = Context()
         per_second = plan.control_rate * max(1, len(plan.vehicles)) * _TICK.size
@@ -137,7 +141,7 @@ class Recorder(WorldObserver):
                 calculate_data_section_crc=False,
             ),
         )
-        self._writer.write_metadata(METADATA, {"plan": json.dumps(head(plan))})
+        self._writer.write_metadata(METADATA, {"plan": json.dumps(head(plan, started))})
         self._events = Channel(EVENTS_TOPIC, schema=EVENT_SCHEMA, context=self._context)
         self._obstacles: Channel | None = None
         if plan.moving:
@@ -147,9 +151,10 @@ class Recorder(WorldObserver):
         self._objects: Channel | None = None
         if plan.objects:
             self._objects = Channel(OBJECTS_TOPIC, schema=OBJECTS_SCHEMA, context=self._context)
-        every = kept_every(plan.control_rate)
+        self._drawn = DrawnRun(plan, self._context)
         self._vehicles = {
-            v.name: VehicleChannel(v.name, every, self._context) for v in plan.vehicles
+            name: VehicleChannel(name, plan.control_rate, drawn, self._context)
+            for name, drawn in self._drawn.vehicles.items()
         }
         self._bodies: dict[str, _Log] = {}
         self._contacts: _Log | None = None
@@ -168,11 +173,14 @@ class Recorder(WorldObserver):
         return self._vehicles[name]
 
     def event(self, event: Event) -> None:
-        self._events.base.log(json.dumps(event_record(event)).encode(), event.time)
+        record = event_record(event)
+        self._events.base.log(json.dumps(record).encode(), event.time)
+        self._drawn.event(event.time, record)
 
     def obstacles(self, now: Time, seen: SeenObstacles) -> None:
         if self._obstacles is not None:
             self._obstacles.base.log(json.dumps(obstacles_record(seen)).encode(), now)
+            self._drawn.obstacles(now, seen)
 
     def body(self, now: Time, name: str, measurement: Measurement) -> None:
         self._body(f"/{name}/pose", Pose)(layout_of(Pose).packed(measurement), now)
@@ -207,6 +215,7 @@ class Recorder(WorldObserver):
         if self._objects is not None:
             told = objects_record(true, seen, forces, touching)
             self._objects.base.log(json.dumps(told).encode(), now)
+            self._drawn.objects(now, seen)
 
     def close(self) -> None:
         """Write pending data and the index, and close the file; may be called again."""
@@ -217,10 +226,11 @@ class Recorder(WorldObserver):
 
 
 class VehicleChannel(VehicleObserver):
-    """Records one vehicle. every: the estimators are recorded once in this number of ticks."""
+    """Records one vehicle. drawn: logs what viewers draw of it."""
 
-    def __init__(self, name: str, every: int, context: Context) -> None:
-        self._every, self._ticks = every, 0
+    def __init__(self, name: str, control_rate: int, drawn: DrawnVehicle, context: Context) -> None:
+        self._every, self._drawn_every = kept_every(control_rate), frame_every(control_rate)
+        self._ticks, self._drawn = 0, drawn
         self._tick = _log(context, f"/{name}/tick", "Tick")
         self._name, self._context = name, context
         self._measured: dict[MeasurementKind, _Measured] = {
@@ -271,6 +281,8 @@ class VehicleChannel(VehicleObserver):
             self._setpoint("command", sent, now)
         if self._ticks % self._every == 0:
             self._candidates(now, estimation)
+        if self._ticks % self._drawn_every == 0:
+            self._drawn.draw(now, estimate, setpoint, truth)
         self._ticks += 1
 
     def _setpoint(self, topic: str, setpoint: Setpoint | None, now: Time) -> None:

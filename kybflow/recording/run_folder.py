@@ -1,6 +1,7 @@
 """The run folder and its files, except for the recording.
 
-Written before the run: `mission.resolved.yaml`, the files that it names, and `provenance.json`.
+Written before the run: `mission.resolved.yaml`, the files that it names, `provenance.json`, and
+`foxglove-layout.json`.
 During the run: `events.jsonl`, one line per event, and a table per input. After the run:
 `summary.json` and `report.html`. Only `provenance.json`, `summary.json` and the folder's name
 depend on the wall clock; the other files depend on plan and seed alone.
@@ -39,7 +40,11 @@ FRAMES = "frames"
 """The folder of the camera pictures."""
 INPUTS = "inputs"
 """The folder of the input tables (`kybflow.inputs.script`)."""
-FILES = frozenset({CONTROL, SUMMARY, EVENTS, LOG, REPORT, RESOLVED, PROVENANCE, FRAMES, INPUTS})
+LAYOUT = "foxglove-layout.json"
+"""The layout with which Foxglove shows the recording."""
+FILES = frozenset(
+    {CONTROL, SUMMARY, EVENTS, LOG, REPORT, RESOLVED, PROVENANCE, FRAMES, INPUTS, LAYOUT}
+)
 FLOWN_FROM = "files"
 """The key in `provenance.json` that lists the copies of the mission's files."""
 _VERSION = re.compile(r"^Version: *(.*)$", re.MULTILINE)

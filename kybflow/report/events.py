@@ -1,5 +1,5 @@
-"""Classifies events as alarms or routine, formats their fields, and finds the intervals of a run in
-its events: faults, holds, clamps and estimators in use."""
+"""Tells notable events from routine, and finds the intervals of a run in its events: faults, holds,
+clamps and estimators in use."""
 
 from __future__ import annotations
 
@@ -7,31 +7,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from kybflow.recording.appearance import IMPACTS
 from kybflow.report.data import RecordedRun
 
 BARS = frozenset({"behavior_started", "behavior_ended", "phase_started", "phase_ended"})
 """Events that the timeline shows as bars."""
-IMPACTS = frozenset({"collided", "landed_hard"})
-"""Events by which a simulator reports that a vehicle hit something."""
-COLLISION, ALARM, EVENT = "collision", "alarm", "event"
-_ALARMING = (
-    "failed", "lost", "breached", "exceeded", "refused", "low", "failsafe_started", "clamp_started",
-    "fault_injected", "run_stopped",
-)  # fmt: skip
 _ROUTINE = BARS | {
     "run_started", "run_ended", "preflight_passed", "took_off", "landed", "driver_changed",
     "payload_loaded", "payload_released", "payload_rested",
 }  # fmt: skip
-
-
-def kind_of(event: Mapping[str, Any]) -> str:
-    """Return the kind of mark for an event. An event with a reaction and a bound is a supervisor's
-    alarm."""
-    name = event["event"]
-    if name in IMPACTS:
-        return COLLISION
-    is_alarm = {"reaction", "bound"} <= event["fields"].keys()
-    return ALARM if is_alarm or name.endswith(_ALARMING) else EVENT
 
 
 def is_notable(event: Mapping[str, Any]) -> bool:
@@ -46,20 +30,6 @@ def impact_text(event: Mapping[str, Any]) -> str:
     if event["event"] == "collided":
         return f"ran into {fields.get('into')}"
     return f"landed hard ({fields['speed']:.2f} m/s) on {fields['onto']}"
-
-
-def fields_text(event: Mapping[str, Any]) -> str:
-    return ", ".join(
-        f"{name}: {_value(value)}"
-        for name, value in event["fields"].items()
-        if value is not None and name != "traceback"
-    )
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 _FINAL = {"ground": "on the ground", "air": "in the air", "unknown": "not heard at the end"}

@@ -15,6 +15,7 @@ from kybflow.core.errors import UnitError
 from kybflow.core.signals import NS
 from kybflow.core.units import LENGTH, parse_quantity
 from kybflow.inputs.rows import InputRow, InputRows
+from kybflow.recording.appearance import VEHICLE_COLOURS
 from kybflow.report import plot
 from kybflow.report.data import RecordedRun, Track
 from kybflow.report.estimators import Array, norm
@@ -58,7 +59,9 @@ def _distances(run: RecordedRun, tracks: list[Track]) -> plot.Figure:
         curves = [(a.name, a.time, _to_nearest(a, tracks)) for a in tracks]
         note = "From each vehicle to the nearest one, while both are in the air."
     traces = [
-        plot.line(name, time, gap, plot.VEHICLES[n % len(plot.VEHICLES)], 1.6, hover="%{y:.3f} m")
+        plot.line(
+            name, time, gap, VEHICLE_COLOURS[n % len(VEHICLE_COLOURS)], 1.6, hover="%{y:.3f} m"
+        )
         for n, (name, time, gap) in enumerate(curves)
     ]
     if len(traces) > _MOST_NAMED:
@@ -171,7 +174,7 @@ def _moment(run: RecordedRun, moment: float) -> list[dict[str, Any]]:
         return []
     edges: list[float] = []
     sides: list[float] = []
-    for a, b in combinations(places.values(), 2) if len(places) <= len(plot.VEHICLES) else ():
+    for a, b in combinations(places.values(), 2) if len(places) <= len(VEHICLE_COLOURS) else ():
         if a[4] == b[4] != "":
             edges += [a[0], b[0], np.nan]
             sides += [a[1], b[1], np.nan]
@@ -221,7 +224,7 @@ def _input(name: str, recorded: InputRows, run: RecordedRun) -> plot.Figure:
     traces = []
     for number, axis in enumerate(recorded.axes):
         values = np.repeat([row.axes.get(axis, np.nan) for row in recorded.rows], 2)
-        colour = plot.VEHICLES[number % len(plot.VEHICLES)]
+        colour = VEHICLE_COLOURS[number % len(VEHICLE_COLOURS)]
         traces.append(plot.line(axis, time, values, colour, 1.6, hover="%{y:.2f}"))
     layout = plot.over_time(run, "deflection", "normal")
     layout["yaxis"]["range"] = [-1.05, 1.05]

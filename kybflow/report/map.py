@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from kybflow.recording.appearance import IMPACTS
 from kybflow.report.data import RecordedRun
-from kybflow.report.events import IMPACTS, impact_text
+from kybflow.report.events import impact_text
 from kybflow.report.object_figures import objects_from_above
 from kybflow.report.plot import Extent, Figure, around, coloured, dashed, line, markers
 from kybflow.world.shapes import Box, Plane, Scanned, Shape, Sphere

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from kybflow.core.units import DEG
+from kybflow.recording.appearance import fields_text
 from kybflow.report import plot
 from kybflow.report.data import RecordedRun
 from kybflow.report.estimators import Array
-from kybflow.report.events import BLIND, TINTS, fields_text
+from kybflow.report.events import BLIND, TINTS
 from kybflow.report.objects import ObjectTrack
 from kybflow.report.plot import around
 

@@ -14,10 +14,11 @@ from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
 from kybflow.core.units import DEG, format_measured
+from kybflow.recording.appearance import COLLISION, EVENT, fields_text, kind_of
 from kybflow.recording.run_folder import REPORT, write_file
 from kybflow.report.data import Picture, RecordedRun, read_run
 from kybflow.report.estimator_pages import CHI_95, estimator_pages, statistics
-from kybflow.report.events import COLLISION, EVENT, ending, fields_text, is_notable, kind_of
+from kybflow.report.events import ending, is_notable
 from kybflow.report.figures import figures
 from kybflow.report.plot import Figure
 

@@ -12,11 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from kybflow.recording.appearance import VEHICLE_COLOURS
 from kybflow.report.data import RecordedRun, Track
 from kybflow.report.estimators import Array
 from kybflow.report.events import BLIND, CLAMP, FALLBACK, FAULT, HOLD, TINTS, Interval
-
-VEHICLES = ("#2f7ed8", "#e07b26", "#1f9e77", "#a55ec4", "#d1495b", "#7a8b1f", "#00a3b5", "#c2578f")
 
 _SIDES = {FAULT: "top", HOLD: "middle", CLAMP: "middle", BLIND: "middle", FALLBACK: "bottom"}
 """The vertical position of an interval's label by kind, so that overlapping labels stay readable.
@@ -170,4 +169,6 @@ def bands(found: Iterable[tuple[str, float, float, str, dict[str, Any]]]) -> dic
 
 def coloured(run: RecordedRun) -> list[tuple[Track, str]]:
     """Return each track with its vehicle's colour, which is the same in all figures."""
-    return [(track, VEHICLES[n % len(VEHICLES)]) for n, track in enumerate(run.tracks)]
+    return [
+        (track, VEHICLE_COLOURS[n % len(VEHICLE_COLOURS)]) for n, track in enumerate(run.tracks)
+    ]

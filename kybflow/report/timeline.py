@@ -7,14 +7,15 @@ from dataclasses import replace
 from html import escape
 from typing import Any
 
+from kybflow.recording.appearance import ALARM, COLLISION, EVENT, fields_text, kind_of
 from kybflow.report import events
 from kybflow.report.data import RecordedRun, StateVisit
 from kybflow.report.plot import Figure, markers, time_axis
 
 _MARKERS = {
-    events.EVENT: {"symbol": "triangle-up", "color": "ink", "size": 9},
-    events.ALARM: {"symbol": "diamond", "color": "alarm", "size": 9},
-    events.COLLISION: {"symbol": "x", "color": "alarm", "size": 13},
+    EVENT: {"symbol": "triangle-up", "color": "ink", "size": 9},
+    ALARM: {"symbol": "diamond", "color": "alarm", "size": 9},
+    COLLISION: {"symbol": "x", "color": "alarm", "size": 13},
 }
 _VISITS = ("#6f9fd8", "#e3a869", "#6dbb9c", "#b892d4", "#d98a94", "#a9b35e", "#62bcc7", "#d395b6")
 _GREY = "#9aa3ad"
@@ -89,10 +90,10 @@ def marks(run: RecordedRun, rows: Mapping[str, float]) -> list[dict[str, Any]]:
         row = event["vehicle"] or "run"
         if event["event"] not in events.BARS and row in rows:
             place = (event["t_s"], rows[row])
-            fields = events.fields_text(event)
+            fields = fields_text(event)
             at = f" ({escape(event['at'])})" if event["at"] else ""
             text = f"{event['event']}{' - ' if fields else ''}{escape(fields)}{at}"
-            found[events.kind_of(event)].setdefault(place, []).append(text)
+            found[kind_of(event)].setdefault(place, []).append(text)
     traces = []
     for kind, places in found.items():
         if places:

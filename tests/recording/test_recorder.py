@@ -17,7 +17,7 @@ from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader
-from recorded_run import LEVEL, NO_ESTIMATORS, REST, make_plan, write_run
+from recorded_run import LEVEL, NO_ESTIMATORS, REST, STARTED, make_plan, write_run
 
 from kybflow.core.signals import (
     NS,
@@ -39,7 +39,7 @@ from kybflow.core.signals import (
 )
 from kybflow.dsl.resolving.library_files import installed
 from kybflow.recording.layout import definition, dtype_spec, event_record, struct_format
-from kybflow.recording.messages import read_recording
+from kybflow.recording.messages import read_mission, read_recording
 from kybflow.recording.recorder import Recorder
 from kybflow.recording.run_folder import RunUnwritten
 from kybflow.report.data import read_moving
@@ -323,18 +323,36 @@ def test_a_ros_1_reader_decodes_every_message_by_the_schema_in_the_file(tmp_path
         channel.tick(now, ESTIMATE, WANTED, None, command, TRUTH, estimation)
     recorder.close()
     kinds = {type(one).__name__: type(one) for one in MEASUREMENTS}
-    seen: dict[str, int] = {}
-    with path.open("rb") as file:
-        reader = make_reader(file, decoder_factories=[decoder.DecoderFactory()])
-        for schema, found, message, said in reader.iter_decoded_messages():
-            name = schema.name.removeprefix("kybflow/")
-            assert numbers(said) == numbers(decoded(message, kinds.get(name, name)))
-            seen[found.topic] = seen.get(found.topic, 0) + 1
-    assert seen == {
+    expected = {
         **dict.fromkeys(("/mk/tick", "/mk/wanted", "/mk/command"), 500),
         **{f"/mk/{name.lower()}": 500 for name in kinds},
         "/mk/estimator/mocap": 100,
     }
+    seen: dict[str, int] = {}
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[decoder.DecoderFactory()])
+        for schema, found, message, said in reader.iter_decoded_messages(topics=[*expected]):
+            name = schema.name.removeprefix("kybflow/")
+            assert numbers(said) == numbers(decoded(message, kinds.get(name, name)))
+            seen[found.topic] = seen.get(found.topic, 0) + 1
+    assert seen == expected
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_the_date_is_in_the_recording_of_hardware_only(tmp_path, simulated):
+    plan = replace(make_plan("mk"), simulated=simulated)
+    Recorder(tmp_path / "log.mcap", plan, STARTED).close()
+    mission = read_mission(tmp_path / "log.mcap")
+    assert mission["simulated"] == simulated
+    assert mission.get("started") == (None if simulated else "2026-01-02T03:04:05+00:00")
+
+
+def test_what_viewers_draw_is_not_read_back(tmp_path):
+    recorder = Recorder(tmp_path / "log.mcap", make_plan("mk"))
+    fly(recorder.vehicle("mk"), 0)
+    recorder.event(Event(0, "landed", "mk", {}))
+    recorder.close()
+    assert {*read_recording(tmp_path / "log.mcap").topics} == {"/mk/tick", "/events"}
 
 
 def test_the_same_run_gives_the_same_bytes(tmp_path):

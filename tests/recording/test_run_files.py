@@ -17,6 +17,7 @@ from kybflow.api.flight import Flown, RunRequest, fly
 from kybflow.core.files import File
 from kybflow.recording.layout import EVENTS_TOPIC
 from kybflow.recording.run_folder import FILES, RunFolderError, contents, copies
+from kybflow.recording.viewers.channels import LOG_TOPIC
 
 MISSION = """kybflow: 1
 mission: way
@@ -48,11 +49,13 @@ def flight_from(
 
 
 def recorded(folder: Path) -> list[tuple[str, int, Any]]:
-    """Every message of the recording; events without the line that asked for them."""
+    """Every message of the recording; events without the line that asked for them, which viewers'
+    lines of the log have too."""
     with (folder / "log.mcap").open("rb") as file:
         messages = [
             (channel.topic, message.log_time, message.data)
             for _, channel, message in make_reader(file).iter_messages()
+            if channel.topic != LOG_TOPIC
         ]
     return [
         (topic, time, data if topic != EVENTS_TOPIC else {**json.loads(data), "at": ""})

@@ -18,7 +18,7 @@ SECONDS = 8.0
 @pytest.mark.thorough
 @pytest.mark.parametrize(
     ("mission", "budget"),
-    [("figure_eight", 66_000), ("courier", 76_000)],
+    [("figure_eight", 71_000), ("courier", 82_000)],
 )
 def test_a_recording_takes_no_more_than_its_budget(
     mission: str, budget: float, tmp_path: Path
