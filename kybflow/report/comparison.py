@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from kybflow.recording.appearance import VEHICLE_COLOURS
 from kybflow.recording.run_folder import write_file
 from kybflow.report import plot
 from kybflow.report.data import read_run
@@ -38,7 +39,10 @@ def write_comparison(out: Path, folders: Sequence[Path], rows: Sequence[Row]) ->
         traces, highest = [], 0.0
         for n, (name, run) in enumerate(zip(names, runs, strict=True)):
             for track in (one for one in run.tracks if one.name == vehicle):
-                colour, values = plot.VEHICLES[n % len(plot.VEHICLES)], 100.0 * track.position_error
+                colour, values = (
+                    VEHICLE_COLOURS[n % len(VEHICLE_COLOURS)],
+                    100.0 * track.position_error,
+                )
                 hover = "%{y:.2f} cm"
                 traces.append(plot.line(name, track.time, values, colour, 1.6, hover=hover))
                 highest = max(highest, highest_aloft(track, "position"))
