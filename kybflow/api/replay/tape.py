@@ -439,8 +439,12 @@ class _TapeLink(Link):
     def _offer(self, method: str) -> None:
         known: dict[str, Callable[..., Any]] = {
             "checks": self._checks,
-            "status_texts": lambda: [StatusText(*x) for x in self._moments(method)],
-            "foreign_commands": lambda: [ForeignCommand(*x) for x in self._moments(method)],
+            "status_texts": lambda: [
+                StatusText(*x) for said in self._moments(method) for x in said
+            ],
+            "foreign_commands": lambda: [
+                ForeignCommand(*x) for said in self._moments(method) for x in said
+            ],
             "report_touches": self._report_touches,
         }
         setattr(self, method, known.get(method, lambda *_: self._answered(method)))
