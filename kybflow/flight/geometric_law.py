@@ -89,6 +89,11 @@ class GeometricLaw:
         """The estimated hover thrust, N."""
         return self._steering.hover_thrust
 
+    @property
+    def lean(self) -> tuple[float, float]:
+        """The slope that is commanded where the vehicle stands still."""
+        return self._steering.lean
+
     def command(self, params: GeometricParams, setpoint: Setpoint, tick: Tick) -> Command:
         """Return the attitude, body rates and thrust that follow the setpoint."""
         estimate, dt, steering, p = tick.known(), tick.dt, self._steering, params

@@ -40,6 +40,8 @@ LEAST_NEWS = 0.001
 """Least time by which the newest measurement must be newer than the last one weighed, seconds."""
 DOUBTED, MOST_LIFT_OFF = 3.0, 0.05
 """How many times the spread of an estimate a lift-off exceeds, and the largest such height, m."""
+LEAN_TIME_S = 1.5
+"""Time over which the lean is averaged, seconds."""
 MOST_TRIM = 0.1
 """Largest trim of the slope of body z, about 6 degrees."""
 LEAST_LIFT, MOST_THRUST = 0.3, 0.95
@@ -55,13 +57,15 @@ class Steering:
     flies: whether the vehicle is above the ground. limited: whether the last force was limited.
     learns: whether integrals may be updated: not on the ground, while the force is limited, or
     after a long step. trim: the slope along x and y that corrects the autopilot's attitude error.
-    force_along: the specific force of the last command along the estimated body z, m/s^2.
+    force_along: the specific force of the last command along the estimated body z, m/s^2. lean: the
+    slope along x and y that is commanded where the vehicle stands still, for wind and for attitudes
+    that are wrong by a constant: the average of what the commands add to the setpoint.
     """
 
     __slots__ = (
-        "_age", "_airframe", "_carried", "_facing", "_floor", "_heading", "_lift", "_mass",
+        "_age", "_airframe", "_carried", "_drag", "_facing", "_floor", "_heading", "_lift", "_mass",
         "_most_force", "_most_thrust", "_slope", "_steepest", "_tilt", "_weighed", "flies",
-        "force_along", "learns", "limited", "trim",
+        "force_along", "lean", "learns", "limited", "trim",
     )  # fmt: skip
 
     def __init__(self, context: VehicleContext, mass_guess: float) -> None:
@@ -77,7 +81,8 @@ class Steering:
         self._lift = 0.0
         self._weighed = 0.0
         self._age = 0.0
-        self.trim = (0.0, 0.0)
+        self.trim = self.lean = (0.0, 0.0)
+        self._drag = airframe.drag
         self.flies = self.limited = self.learns = False
         self.force_along = GRAVITY
 
@@ -142,6 +147,7 @@ class Steering:
             tx = MOST_TRIM if tx > MOST_TRIM else -MOST_TRIM if tx < -MOST_TRIM else tx
             ty = MOST_TRIM if ty > MOST_TRIM else -MOST_TRIM if ty < -MOST_TRIM else ty
             self.trim = (tx, ty)
+            self._average((fx / fz + tx, fy / fz + ty), setpoint, dt)
         length = sqrt(square + fz * fz)
         self._slope = (fx / length, fy / length)
         heading = setpoint.heading
@@ -151,6 +157,17 @@ class Steering:
             self._heading, self._facing = heading, (cos(heading), sin(heading))
         leaned = (fx + length * tx, fy + length * ty, fz)
         return wanted, from_thrust_facing(leaned, self._facing)
+
+    def _average(self, slope: tuple[float, float], setpoint: Setpoint, dt: float) -> None:
+        """Update `lean` by a commanded slope."""
+        sx, sy = slope
+        ax, ay, _ = setpoint.acceleration or ZERO
+        vx, vy, _ = setpoint.velocity or ZERO
+        x, y = self.lean
+        share, drag = dt / (LEAN_TIME_S + dt), self._drag
+        x += share * (sx - (ax + drag * vx) / GRAVITY - x)
+        y += share * (sy - (ay + drag * vy) / GRAVITY - y)
+        self.lean = (x, y)
 
     def _bounded(self, wanted: Vec3) -> Vec3:
         """Return the force limited by the airframe's thrust, then by the tilt."""

@@ -71,7 +71,8 @@ class Entry(NamedTuple):
     readings of the mission's inputs. lost: where there is no estimate, the last one before it was
     lost. imu_motion: the motion by the IMU alone if the frame of the estimate is wrong; None
     otherwise. imu: the newest IMU measurement, None without one. late: by how much later than usual
-    commands take effect, s.
+    commands take effect, s. lean: the slope at which the tracker held the vehicle still
+    (`Tracker.lean`).
     """
 
     now: Time
@@ -86,6 +87,7 @@ class Entry(NamedTuple):
     imu_motion: InertialMotion | None = None
     imu: Imu | None = None
     late: float = 0.0
+    lean: tuple[float, float] = (0.0, 0.0)
 
     @property
     def known(self) -> Estimate | None:

@@ -175,6 +175,12 @@ class Tracker(Part[P]):
     def hover_thrust(self) -> float:
         """The thrust that is estimated to carry the vehicle now, newtons."""
 
+    @property
+    def lean(self) -> tuple[float, float]:
+        """The slope of body z along x and y, world frame, that is commanded where the vehicle
+        stands still, for wind and for attitudes that are wrong by a constant."""
+        return (0.0, 0.0)
+
     @abstractmethod
     def update(self, setpoint: Setpoint, tick: Tick) -> Command:
         """Return the command that follows `setpoint`. Called once a tick."""

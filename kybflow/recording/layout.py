@@ -174,15 +174,6 @@ _MESSAGES: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("Command", "command", "what the driver was given"),
         ("Truth", "truth", "what the simulator knows"),
     ),
-    "Heard": (("uint8", "count", "measurements that were not used, at most 255"),),
-    "Object": (
-        ("Vector", "position", "m, world"),
-        ("Quaternion", "attitude", ""),
-        ("Vector", "velocity", "m/s, world"),
-        ("float64", "q", "coordinate of its joint: m, or rad"),
-        ("float64", "speed", "m/s or rad/s"),
-        ("Vector", "turning", "rad/s, world"),
-    ),
     "Candidate": (
         ("bool", "present", "false: it has no estimate, and the rest is that of none"),
         ("bool", "usable", "healthy, and its time is not used up"),
@@ -199,7 +190,7 @@ PLAIN = {
     "float32": ("f", "<f4"),
     "int64": ("q", "<i8"),
     "uint8": ("B", "u1"),
-    "bool": ("B", "?"),
+    "bool": ("?", "?"),
     f"float64[{SWITCHES}]": (f"{SWITCHES}d", f"({SWITCHES},)<f8"),
 }
 """The `struct` format and the NumPy type of each plain type."""
@@ -382,11 +373,12 @@ class MeasurementLayout:
             plain, *notes = get_args(hint) if get_origin(hint) is Annotated else (hint,)
             if plain is str:
                 self._keys.append(index)
-            reader: _Reader = _nothing
-            if plain is not str and plain is not Any:
-                fields, piece, reader = _recorded(name, plain, notes[-1] if notes else "", index)
-                self.fields += fields
-                pieces.append(piece)
+            if plain is str or plain is Any:
+                self._readers.append(lambda _: None)
+                continue
+            fields, piece, reader = _recorded(name, plain, notes[-1] if notes else "", index)
+            self.fields += fields
+            pieces.append(piece)
             self._readers.append(reader)
         self._struct = Struct("<" + _codes(self.fields))
         self.packed = _packed(self._struct, pieces, index + 1)
@@ -416,31 +408,6 @@ _SCALARS = {int: "int64", float: "float64", bool: "bool"}
 _TUPLES = {Vec3: "Vector", Quat: "Quaternion"}
 
 
-def _nothing(numbers: Iterator[Any]) -> None:
-    """The value of a field that is not recorded."""
-
-
-def _scalar(kind: Callable[[Any], Any]) -> _Reader:
-    return lambda numbers: kind(next(numbers))
-
-
-def _row(width: int) -> _Reader:
-    return lambda numbers: tuple(islice(numbers, width))
-
-
-def _optional(kind: Callable[[Any], Any]) -> _Reader:
-    def read(numbers: Iterator[Any]) -> Any:
-        known, value = islice(numbers, 2)
-        return kind(value) if known else None
-
-    return read
-
-
-def _counted(numbers: Iterator[Any]) -> tuple[float, ...]:
-    count, *held = islice(numbers, SWITCHES + 1)
-    return tuple(held[:count])
-
-
 def _packed(struct: Struct, pieces: list[_Piece], width: int) -> Callable[[Any], bytes]:
     """Return the function that encodes a measurement of `width` fields. It is fast if no field
     needs a function call, and fastest if it records all fields and the vectors come last."""
@@ -460,17 +427,21 @@ def _recorded(
     """Return the message fields for one field of a measurement, how to take their numbers, and how
     to read its value from them."""
     if plain in _SCALARS:
-        return ((_SCALARS[plain], name, note),), slice(index, index + 1), _scalar(plain)
+        return ((_SCALARS[plain], name, note),), slice(index, index + 1), next
     if plain in _TUPLES:
         width = len(_MESSAGES[_TUPLES[plain]])
-        return ((_TUPLES[plain], name, note),), index, _row(width)
+        return ((_TUPLES[plain], name, note),), index, lambda left: tuple(islice(left, width))
     if isinstance(note, Recorded):
         if get_origin(plain) in (Union, types.UnionType):
-            kind = next(t for t in get_args(plain) if t in _SCALARS)
+            scalar = next(_SCALARS[t] for t in get_args(plain) if t in _SCALARS)
             extra = ("bool", note.extra, note.extra_comment)
-            field = extra, (_SCALARS[kind], name, note.comment)
-            read = _optional(kind)
-            return field, lambda values: (values[index] is not None, values[index] or 0), read
+            field = extra, (scalar, name, note.comment)
+
+            def optional(left: Iterator[Any]) -> Any:
+                known, value = islice(left, 2)
+                return value if known else None
+
+            return field, lambda values: (values[index] is not None, values[index] or 0), optional
         if plain == tuple[float, ...]:
             extra = ("uint8", note.extra, note.extra_comment)
 
@@ -478,7 +449,11 @@ def _recorded(
                 held = values[index][:SWITCHES]
                 return (len(held), *held, *(0.0,) * (SWITCHES - len(held)))
 
-            return (extra, (f"float64[{SWITCHES}]", name, note.comment)), numbers, _counted
+            def counted(left: Iterator[Any]) -> tuple[float, ...]:
+                count, *held = islice(left, SWITCHES + 1)
+                return tuple(held[:count])
+
+            return (extra, (f"float64[{SWITCHES}]", name, note.comment)), numbers, counted
     raise TypeError(f"`{name}: {plain}` can't be recorded")
 
 

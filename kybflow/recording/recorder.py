@@ -6,10 +6,9 @@
 - `/NAME/wanted`: the behavior's setpoint, in ticks in which the tracker followed another one.
 - `/NAME/command`: the setpoint of each command that has one.
 - `/NAME/estimator/ESTIMATOR`: each estimator's estimate, at most 50 times a second.
-- `/NAME/link`: what the link answered, as JSON, whenever it changes. `/NAME/heard`: the ticks in
-  which the link delivered measurements that were not used. `/NAME/located/ESTIMATOR`: the estimates
-  of an estimator that uses images. `/NAME/true_payload`: where the simulator's payload is, whenever
-  it moves. A replay (`kybflow.api.replay`) needs them.
+- `/NAME/link`: what the link answered, as JSON, whenever it changes. `/NAME/located/ESTIMATOR`: the
+  estimates of an estimator that uses images. `/NAME/true_payload`: where the simulator's payload
+  is, whenever it moves. A replay (`kybflow.api.replay`) needs them.
 - `/BODY/pose`: each pose of a moving obstacle or an object as it arrives. `/OBJECT/true` and
   `/contacts`: the simulator's objects and the forces on them, N, per control tick.
 - `/events`: every event as JSON. `/obstacles`: the moving obstacles, 20 times a second.
@@ -94,7 +93,7 @@ CHUNK_SECONDS = 0.5
 _TICK = Struct(struct_format("Tick"))
 _pack_tick = _TICK.pack
 _pack_setpoint = Struct(struct_format("Setpoint")).pack
-_pack_vector, _pack_object = (Struct(struct_format(m)).pack for m in ("Vector", "Object"))
+_pack_vector = Struct(struct_format("Vector")).pack
 _pack_estimate = Struct(struct_format("Estimate")).pack
 _pack_candidate = Struct(struct_format("Candidate")).pack
 
@@ -119,8 +118,10 @@ _ALL = HAS_POSITION | HAS_VELOCITY | HAS_ACCELERATION | HAS_JERK | HAS_HEADING
 _POSITION_NUMBER = SETPOINT_KINDS[_POSITION]
 
 
-MOMENTS = frozenset({"status_texts", "foreign_commands", "touch"})
-"""The answers of a link that count each time; others only when they change."""
+MOMENTS = frozenset(
+    {"state", "state_after", "status_texts", "foreign_commands", "touch", "ignored", "failed"}
+)
+"""The answers that are recorded each time; all others are recorded when they change."""
 
 
 class Recorder(WorldObserver):
@@ -188,9 +189,9 @@ class Recorder(WorldObserver):
     def objects(
         self, now: Time, states: Mapping[str, ObjectState], forces: Mapping[Contact, float]
     ) -> None:
-        for name, (position, attitude, velocity, q, speed, turning) in states.items():
-            data = _pack_object(*position, *attitude, *velocity, q, speed, *turning)
-            self._body(f"/{name}/true", "Object")(data, now)
+        for name, state in states.items():
+            kind: Any = ObjectState
+            self._body(f"/{name}/true", kind)(layout_of(kind).packed(state), now)
         if forces != self._forces:
             self._forces = forces
             if self._contacts is None:
@@ -323,9 +324,6 @@ class VehicleChannel(VehicleObserver):
         if self._link is None:
             self._link = _json_log(self._context, f"/{self._name}/link", ANSWER_SCHEMA)
         self._link(json.dumps({of: value}).encode(), now)
-
-    def heard(self, now: Time, count: int) -> None:
-        self._log_optional("heard", "Heard", bytes((min(count, 255),)), now)
 
     def located(self, now: Time, estimator: str, estimate: Estimate | None) -> None:
         _, p, v, q, w, _, age, spread = estimate or _NO_ESTIMATE

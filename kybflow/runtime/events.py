@@ -110,13 +110,9 @@ class VehicleObserver:
         """Record a measurement that arrived in the tick at `now`."""
 
     def answer(self, now: Time, of: str, value: object) -> None:
-        """Record what the vehicle's link answered in the tick at `now`, so that a replay can answer
-        alike. of: the method of the link that answered; `state` for what the link says of itself,
-        `failed` for an exception; `kybflow.runtime.vehicle.link` lists them."""
-
-    def heard(self, now: Time, count: int) -> None:
-        """Record that the link delivered `count` measurements in the tick at `now`, but none was
-        used."""
+        """Record what the vehicle's link answered in the tick at `now`, so that a replay can give
+        the same answer. of: a method of the link, or another name that
+        `kybflow.runtime.vehicle.link.OFFERED` explains."""
 
     def located(self, now: Time, estimator: str, estimate: Estimate | None) -> None:
         """Record the estimate of an estimator that uses images, which are not recorded."""

@@ -178,12 +178,12 @@ class ObjectState(NamedTuple):
     """What an object does. q, speed: the coordinate of its joint and its rate; for a free object
     the heading and its rate. turning: its angular velocity. World frame, SI."""
 
-    position: Vec3
+    position: Annotated[Vec3, "m, world"]
     attitude: Quat
-    velocity: Vec3
-    q: float
-    speed: float
-    turning: Vec3 = ZERO
+    velocity: Annotated[Vec3, "m/s, world"]
+    q: Annotated[float, "the coordinate of its joint: m, or rad"]
+    speed: Annotated[float, "its rate: m/s, or rad/s"]
+    turning: Annotated[Vec3, "rad/s, world"] = ZERO
 
 
 def unit(direction: Vec3) -> Vec3:

@@ -40,7 +40,7 @@ _OF_THE_COMPUTER = (
     of.RecordingStopped, of.ObserverFailed, of.CommandsFailed, of.RehearsalSkipped, of.TicksMissed,
     of.RunEnded, of.PreflightPassed,
 )  # fmt: skip
-"""What says nothing of the mission, or is no decision."""
+"""Events about the computer or the record, which aren't decisions."""
 _NOT_COMPARED = frozenset(event.name for event in (*_SEEN_OUTSIDE, *_OF_THE_COMPUTER))
 
 
@@ -58,15 +58,19 @@ class Difference(NamedTuple):
 
 
 class Replayed(NamedTuple):
-    """A replay. until: the time up to which it was the same, s. events, transitions: how many were
-    the same. difference: the first one, or None. is_whole: whether the record was flown to the end
-    of its run; a record that was cut short ends before."""
+    """The result of a replay.
+
+    until: the time up to which it agrees with the record, s. events, transitions: how many agree.
+    difference: the first one, or None. is_whole: whether the record goes to the end of its run; one
+    that was cut short ends before. changed: whether the mission's files have changed since the run.
+    """
 
     until: float
     events: int
     transitions: int
     difference: Difference | None
     is_whole: bool
+    changed: bool = False
 
 
 def replay(
@@ -86,7 +90,8 @@ def replay(
     recorded, earlier = Run.load(folder), read_earlier_run(folder)
     if missing := earlier.missing_parts([Path(part).name for part in parts]):
         raise RunFolderError(f"`{folder}` was flown with parts that are not given:{missing}")
-    flown = mission or _unchanged(recorded)
+    unchanged = _unchanged(recorded)
+    flown = mission or unchanged
     sets = earlier.sets if flown else ()
     plan, _ = compile_plan(flown or folder / RESOLVED, earlier.target, sets, parts)
     log = read_recording(folder / LOG)
@@ -98,14 +103,15 @@ def replay(
             outside.setdefault(event.vehicle, []).append(event)
     comparison = _Comparison(recorded.events)
     tape = Tape(log, outside, comparison.watch)
-    comparison.end = tape.end
     with TemporaryDirectory(prefix="kybflow-replay-") as kept:
         request = RunRequest(
-            earlier.seed, Path(out or Path(kept) / "run"), None, earlier.options,
-            earlier.emits, earlier.sets, earlier.commands, earlier.inputs, tape=tape,
+            seed=earlier.seed, out=Path(out or Path(kept) / "run"), options=earlier.options,
+            emitted=earlier.emits, sets=earlier.sets, again=earlier.commands,
+            inputs=earlier.inputs, tape=tape,
         )  # fmt: skip
         fly(tape.plan(plan), request, [comparison.listen])
-    return comparison.result(is_whole=bool(recorded.summary))
+    result = comparison.result(tape.end, is_whole=bool(recorded.summary))
+    return result._replace(changed=unchanged is None)
 
 
 def _check(folder: Path, plan: Plan, log: Recording) -> None:
@@ -138,11 +144,9 @@ def _unchanged(run: Run) -> Path | None:
 
 
 class _Comparison:
-    """Compares the events of a replay with those of the record. end: the time of the last recorded
-    tick."""
+    """Compares the events of a replay with those of the record."""
 
     def __init__(self, recorded: Iterable[Event]) -> None:
-        self.end: Time = 0
         self._left = deque(event for event in recorded if event.name not in _NOT_COMPARED)
         self._difference: Difference | None = None
         self._same = self._transitions = 0
@@ -167,11 +171,12 @@ class _Comparison:
             raise TapeEnded("a decision differs from the recorded one")
         self._until = now
 
-    def result(self, *, is_whole: bool) -> Replayed:
-        missing = next((event for event in self._left if event.time <= self.end), None)
+    def result(self, end: Time, *, is_whole: bool) -> Replayed:
+        """Return the result. end: the time of the last recorded tick."""
+        missing = next((event for event in self._left if event.time <= end), None)
         if self._difference is None and missing is not None:
             self._difference = Difference(missing, None)
-        until = min(self._until, self.end) / NS
+        until = min(self._until, end) / NS
         return Replayed(until, self._same, self._transitions, self._difference, is_whole)
 
 

@@ -1,6 +1,6 @@
 """The devices of a recorded run: they deliver what was measured then, and send nothing.
 
-What a vehicle's link answered then, it answers again, whenever it is asked. Faults act on this
+A link gives the recorded answers again when it is asked. Faults act on this
 program's side only, because the measurements already show what they did to the vehicle. Images are
 not recorded: the estimates of estimators that use them come from the record, and so do the findings
 on cameras and on devices that failed.
@@ -18,7 +18,6 @@ import numpy as np
 
 from kybflow.api.opening import Devices, open_input
 from kybflow.core.errors import DriverError, Refused
-from kybflow.core.events import BaseEvent
 from kybflow.core.geometry import Vec3
 from kybflow.core.signals import (
     NS,
@@ -39,8 +38,8 @@ from kybflow.core.signals import (
 )
 from kybflow.dsl.plan import EstimatorPlan, Plan, VehiclePlan
 from kybflow.parts import ActiveFaults, Check, Estimator, Link, Session, Stream
-from kybflow.parts.events import PreflightPassed, RunInterrupted
-from kybflow.parts.link import Contact, ForeignCommand, Override, StatusText, Touch
+from kybflow.parts.events import ENGINE_EVENTS, PreflightPassed, RunInterrupted
+from kybflow.parts.link import Contact, Override, Touch
 from kybflow.recording.layout import CONTACTS_TOPIC, EVENTS_TOPIC, dtype_spec, layout_of
 from kybflow.recording.messages import TICK, Messages, Recording
 from kybflow.runtime.clock import Clock
@@ -52,7 +51,7 @@ from kybflow.world.objects import ObjectState
 from kybflow.world.vehicle_context import VehicleContext
 
 T = TypeVar("T")
-OBJECT, VECTOR = (np.dtype(dtype_spec(message)) for message in ("Object", "Vector"))
+VECTOR = np.dtype(dtype_spec("Vector"))
 
 
 UNASKED = {Payload, Sticks}
@@ -64,8 +63,9 @@ class TapeEnded(DriverError):
 
 
 class _Turn:
-    """The last tick of the preflight and the first one of the flight have the same time. What
-    arrived in the latter is given out 1 ns later. is_flight: whether the flight has begun."""
+    """Tells the last tick of the preflight from the first one of the flight, which has the same
+    time: what arrived in the latter is given out 1 ns later. is_flight: whether the flight has
+    begun."""
 
     def __init__(self, log: Recording) -> None:
         self.is_flight = False
@@ -192,7 +192,7 @@ class Tape:
             name,
             self._turn,
             self._measured(name, (vehicle.driver.cls.provides | UNASKED) - replaced),
-            self._heard(name, replaced),
+            next(iter(replaced), None),
             {of: Queue(self._turn, values) for of, values in answers.items()},
             Latest(self._queue(f"/{name}/tick", _truths), None),
             Latest(self._queue(f"/{name}/true_payload", _places), None),
@@ -218,24 +218,13 @@ class Tape:
         found.sort(key=itemgetter(0))
         return Queue(self._turn, ((time, measured) for _, time, measured in found))
 
-    def _heard(self, name: str, replaced: Iterable[MeasurementKind]) -> Queue[Measurement]:
-        """Return what the link delivered although sensors replace it, as empty measurements."""
-        kind: Any = next(iter(replaced), None)
-        if kind is None:
-            return Queue(self._turn)
-        nothing = (None,) * (len(kind._fields) - 1)
-        return self._queue(
-            f"/{name}/heard", lambda heard: (kind(time, *nothing) for time in heard.times.tolist())
-        )
-
     def _emitted(self, name: str, events: Events) -> Callable[[Time], None]:
         """Return the function that emits what the vehicle's devices can't cause again."""
-        classes = {cls.name: cls for cls in _classes(BaseEvent)}
         recorded = Queue(self._turn, ((e.time, e) for e in self._outside.get(name, ())))
 
         def emit(now: Time) -> None:
             for event in recorded.take(now):
-                events.emit(classes[event.name](**event.fields), event.vehicle, event.at)
+                events.emit(ENGINE_EVENTS[event.name](**event.fields), event.vehicle, event.at)
 
         return emit
 
@@ -267,12 +256,6 @@ def _of_sensors(vehicle: VehiclePlan) -> set[MeasurementKind]:
     return {kind for sensor in vehicle.sensors for kind in sensor.part.cls.provides}
 
 
-def _classes(base: type[Any]) -> Iterator[type[Any]]:
-    for cls in base.__subclasses__():
-        yield cls
-        yield from _classes(cls)
-
-
 def _tuples(row: Any) -> list[Any]:
     """Return the fields of a message as numbers and tuples of numbers."""
     return [tuple(one.tolist()) if isinstance(one, np.ndarray) else one.item() for one in row]
@@ -298,8 +281,8 @@ def _estimates(messages: Messages, source: str) -> Iterator[Estimate | None]:
 
 
 def _states(messages: Messages) -> Iterator[ObjectState | None]:
-    for row in messages.decoded(OBJECT).values:
-        yield ObjectState(*_tuples(row))
+    kind: Any = ObjectState
+    return layout_of(kind).unpacked(messages.content)
 
 
 class _TapeClock(Clock):
@@ -407,8 +390,8 @@ class _TapeSession(Session):
 class _TapeLink(Link):
     """The link of a recorded vehicle. It offers the protocols that the vehicle's link offered.
 
-    measured: what the link delivered. heard: what of it was not used. emit: emits the recorded
-    events that nothing else causes.
+    measured: what the link delivered. replaced: a kind that a sensor replaces, None without any.
+    emit: emits the recorded events that nothing else causes.
     """
 
     def __init__(
@@ -416,7 +399,7 @@ class _TapeLink(Link):
         name: str,
         turn: _Turn,
         measured: Queue[Measurement],
-        heard: Queue[Measurement],
+        replaced: MeasurementKind | None,
         answers: Mapping[str, Queue[Any]],
         truths: Latest[Truth | None],
         payloads: Latest[Vec3 | None],
@@ -426,10 +409,11 @@ class _TapeLink(Link):
     ) -> None:
         self.faults = ActiveFaults(name) if simulated else None
         self._now: Time = 0
-        self._turn, self._measured, self._heard = turn, measured, heard
+        self._turn, self._measured, self._replaced = turn, measured, replaced
         self._answers, self._emit = answers, emit
         self._truths, self._payloads = truths, payloads
         self._last: dict[str, Any] = {}
+        self._failing: dict[str, str] = {}
         self._touched: Callable[[Touch], None] = lambda _: None
         for protocol in OFFERED:
             if protocol.__name__ in self._latest("offers", ()):
@@ -439,12 +423,8 @@ class _TapeLink(Link):
     def _offer(self, method: str) -> None:
         known: dict[str, Callable[..., Any]] = {
             "checks": self._checks,
-            "status_texts": lambda: [
-                StatusText(*x) for said in self._moments(method) for x in said
-            ],
-            "foreign_commands": lambda: [
-                ForeignCommand(*x) for said in self._moments(method) for x in said
-            ],
+            "status_texts": lambda: self._said(method),
+            "foreign_commands": lambda: self._said(method),
             "report_touches": self._report_touches,
         }
         setattr(self, method, known.get(method, lambda *_: self._answered(method)))
@@ -454,8 +434,13 @@ class _TapeLink(Link):
         self._now = now
         self._emit(now)
         self._update("state")
+        self._failing = dict(self._moments("failed"))
         self._fail_in("read")
-        return [*map(self._warned, self._measured.take(now)), *self._heard.take(now)]
+        measured = [*map(self._warned, self._measured.take(now))]
+        kind: Any = self._replaced
+        if self._moments("ignored") and kind is not None:  # an empty one, which is ignored again
+            measured.append(kind(now, *(None,) * (len(kind._fields) - 1)))
+        return measured
 
     def truth(self) -> Truth | None:
         truth = self._truths.at(self._now)
@@ -482,11 +467,15 @@ class _TapeLink(Link):
         self._fail_in("checks")
         return [Check(*check) for check in self._latest("checks", ())]
 
+    def _said(self, method: str) -> list[Any]:
+        self._fail_in(method)
+        return [text for texts in self._moments(method) for text in texts]
+
     def _answered(self, method: str) -> Any:
         """Return what the link answered to `method`, or raise Refused as it did."""
         self._fail_in(method)
         answer = self._latest(method, None)
-        self._update("then")
+        self._update("state_after")
         if isinstance(answer, dict):
             raise Refused(answer["refused"])
         return answer
@@ -507,6 +496,5 @@ class _TapeLink(Link):
         return self._last.get(of, first)
 
     def _fail_in(self, method: str) -> None:
-        failed = self._latest("failed", None)
-        if failed is not None and failed[0] == method:
-            raise DriverError(failed[1].removeprefix("DriverError: "))
+        if method in self._failing:
+            raise DriverError(self._failing[method].removeprefix("DriverError: "))

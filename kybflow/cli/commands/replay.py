@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -68,12 +69,13 @@ def _told(replayed: Replayed) -> Iterator[str]:
         )
         return
     yield f"{same}; the first difference is at {difference.time:.3f} s"
-    for name, event in zip(("in the run", "in the replay"), difference, strict=True):
-        yield from _shown(name, event)
+    yield from _shown("in the run", difference.recorded, has_line=not replayed.changed)
+    yield from _shown("in the replay", difference.replayed)
     yield "The record doesn't show what would have happened then."
 
 
-def _shown(name: str, event: Event | None) -> Iterator[str]:
+def _shown(name: str, event: Event | None, *, has_line: bool = True) -> Iterator[str]:
+    """Yield an event and, if it `has_line`, the line of the mission that caused it."""
     from kybflow.cli.printing.flights import sentence
 
     if event is None:
@@ -81,7 +83,7 @@ def _shown(name: str, event: Event | None) -> Iterator[str]:
         return
     yield f"{name}: {sentence(event).strip()}"
     file, _, line = event.at.rpartition(":")
-    try:
-        yield f"    {line} | {Path(file).read_text().splitlines()[int(line) - 1].strip()}"
-    except (OSError, ValueError, IndexError):
-        return  # the mission's file isn't there any more
+    if file and has_line:
+        with suppress(OSError, ValueError, IndexError):  # the file isn't there any more
+            text = Path(file).read_text(encoding="utf-8").splitlines()[int(line) - 1]
+            yield f"    {line} | {text.strip()}"

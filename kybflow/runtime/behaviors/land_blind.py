@@ -17,6 +17,10 @@ With an accelerometer error of 0.25 m/s^2, the touch-down speed from 2.5 m is 1.
 at rest on the ground is known and taken as gravity (`kybflow.runtime.vehicle.knowledge`); only a
 later change then has this effect.
 
+Level is the attitude at which the tracker held the vehicle still, on average (`Entry.lean`): an
+on-board controller whose level is a degree off would let it drift aside by 0.4 m from 1 m, and wind
+would carry it along.
+
 It begins at the velocity of the last setpoint if that was within 0.3 m of the last estimate, else
 at that of the last estimate, also if commands are late (`commands_late`); if the frame of the
 estimate is wrong (`mocap_frame`), at the velocity by the IMU. The horizontal velocity is braked
@@ -136,6 +140,7 @@ class LandBlind(
             ax, ay, _ = felt.acceleration
             self._heading = 0.0
         self._brake = BlindBrake((vx, vy), (ax, ay), entry.context.airframe, entry.late)
+        self._lean = (0.0, 0.0) if known is None else entry.lean
         self._kick = min(max(-2.0 * climb / (GRAVITY * _ARREST_TIME_S), -_MAX_KICK), _MAX_KICK)
         self._descent: Descent | None = Descent(
             self._hover, self._most, climb, entry.resting_force, late=entry.late
@@ -166,7 +171,10 @@ class LandBlind(
             share = 1.0 - (1.0 - p.share) * min(time / p.settle, 1.0)
             share = share - p.fade * max(time - p.settle, 0.0)
             thrust = self._hover * (share + self._kick * max(1.0 - time / _ARREST_TIME_S, 0.0))
-        attitude = LEVEL if pull is None else from_thrust_direction(pull, self._heading)
+        attitude, lean = LEVEL, self._lean
+        if pull is not None or any(lean):
+            x, y, z = pull or (0.0, 0.0, GRAVITY)
+            attitude = from_thrust_direction((x + z * lean[0], y + z * lean[1], z), self._heading)
         return Command(attitude, min(max(thrust / leant, 0.0), self._most), ZERO, None)
 
     def _stands(self, known: Estimate | None) -> bool:

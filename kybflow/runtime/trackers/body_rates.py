@@ -60,6 +60,10 @@ class BodyRates(Tracker[BodyRatesParams]):
     def hover_thrust(self) -> float:
         return self._law.hover_thrust
 
+    @property
+    def lean(self) -> tuple[float, float]:
+        return self._law.lean
+
     def update(self, setpoint: Setpoint, tick: Tick) -> Command:
         p = self.params
         attitude, thrust, rates, heading, *_ = self._law.command(p, setpoint, tick)

@@ -74,6 +74,10 @@ class Cascade(Tracker[CascadeParams]):
     def hover_thrust(self) -> float:
         return self._steering.hover_thrust
 
+    @property
+    def lean(self) -> tuple[float, float]:
+        return self._steering.lean
+
     def update(self, setpoint: Setpoint, tick: Tick) -> Command:
         estimate, dt, steering, p = tick.known(), tick.dt, self._steering, self.params
         steering.weigh(setpoint, estimate, p.lift_off, dt)

@@ -80,5 +80,9 @@ class Geometric(Tracker[GeometricParams]):
     def hover_thrust(self) -> float:
         return self._law.hover_thrust
 
+    @property
+    def lean(self) -> tuple[float, float]:
+        return self._law.lean
+
     def update(self, setpoint: Setpoint, tick: Tick) -> Command:
         return self._law.command(self.params, setpoint, tick)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Set
 from contextlib import suppress
+from math import hypot
 from typing import Any, NamedTuple, Protocol
 
 from kybflow.core.errors import OptionRefused, PartError, PartFailed
@@ -103,8 +104,9 @@ its mission line. Emits `option_refused` and raises OptionRefused if the change 
 _Process = Callable[[Setpoint, Tick], Setpoint | Alarm | Emitting | Retune]
 _MORE = (Emitting, Retune)
 _IDLE = SetpointKind.IDLE
-_LEAST_HOVER, _MOST_HOVER = 0.5, 2.0
-"""Plausible range of a tracker's hover thrust, as a multiple of the airframe's weight."""
+_LEAST_HOVER, _MOST_HOVER, _MOST_LEAN = 0.5, 2.0, 0.2
+"""Plausible range of a tracker's hover thrust, as a multiple of the airframe's weight, and its
+largest plausible lean."""
 
 
 class ProcessorReports(Protocol):
@@ -278,6 +280,14 @@ class Control:
         except Exception:  # land_blind must be able to start without a tracker
             return weight
         return believed if _LEAST_HOVER <= believed / weight <= _MOST_HOVER else weight
+
+    def lean(self) -> tuple[float, float]:
+        """Return the tracker's `lean` if it is plausible, otherwise none."""
+        try:
+            x, y = self._tracker.lean
+        except Exception:  # land_blind must be able to start without a tracker
+            return (0.0, 0.0)
+        return (x, y) if hypot(x, y) <= _MOST_LEAN else (0.0, 0.0)
 
     def parts(self) -> dict[str, Any]:
         """Return the processors and the tracker by label."""

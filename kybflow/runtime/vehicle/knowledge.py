@@ -396,4 +396,5 @@ class TickBuilder:
             knowledge.now, context, knowledge.estimate, None if late else control.followed, thrust,
             flight, lift, self._inputs, knowledge.estimation.lost,
             None if frame.wrong is None else frame.motion(knowledge.now), knowledge.imu, late,
+            control.lean() if trusts else (0.0, 0.0),
         )  # fmt: skip

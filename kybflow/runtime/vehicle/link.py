@@ -67,7 +67,7 @@ Accept = Callable[[Sequence[Measurement], Time], Sequence[Measurement]]
 
 
 class LinkState(NamedTuple):
-    """What a link says of itself, as in `Link`."""
+    """The status fields of a `Link`, as last read."""
 
     armed: bool | None = None
     override: Override | None = None
@@ -82,16 +82,16 @@ OFFERED = (
 )  # fmt: skip
 """What a link may offer. A record contains its answers to `arm`, `land`, `grip`, `perform`,
 `disarm_by_force`, `checks`, `status_texts` and `foreign_commands`, its `touch`es, its `state` after
-each `read`, `then` after an answer, `offers` (names of these protocols), and `failed`: the method
-that raised first, and why."""
+each `read` and `state_after` each request, `offers` (names of these protocols), `ignored` (how many
+measurements were delivered in a tick in which none was used), and `failed`: a method that raised,
+and why."""
 
 
 class LinkGuard:
-    """Catches and reports the exceptions of a link's driver, and records the answers to what it is
-    asked.
+    """Catches and reports the exceptions of a link's driver.
 
     error: a description of the link's first exception, None while it works. now: the time of the
-    tick. observer: records the answers.
+    tick. observer: records them, and what the link answers.
     """
 
     __slots__ = ("_driver", "_report", "error", "now", "observer")
@@ -108,10 +108,10 @@ class LinkGuard:
         self._driver, self._report = driver, report
 
     def fail(self, error: Exception, method: str) -> None:
-        """Report a failure of the link. Only the first call counts."""
+        """Record a failure of the link, and report the first one. method: the one that raised."""
+        self.observer.answer(self.now, "failed", (method, described(error)))
         if self.error is None:
             self.error = described(error)
-            self.observer.answer(self.now, "failed", (method, self.error))
             self._report(PartFailed(self._driver, error))
 
     def attempt(
@@ -125,20 +125,6 @@ class LinkGuard:
             self.fail(error, method)
             return None
 
-    def ask(self, method: str, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | None:
-        """Call a method of the link as `attempt` does, record its answer, and raise Refused if the
-        vehicle refuses."""
-        try:
-            answer = call(*args, **kwargs)
-        except Refused as refused:
-            self.observer.answer(self.now, method, {"refused": str(refused)})
-            raise
-        except Exception as error:  # a driver may raise anything
-            self.fail(error, method)
-            return None
-        self.observer.answer(self.now, method, answer)
-        return answer
-
 
 class LinkIn:
     """Receives measurements.
@@ -151,7 +137,7 @@ class LinkIn:
     first read. Messages without a measurement, such as heartbeats, don't count.
     delay: the round-trip time to the vehicle in seconds, zero while unknown.
     rejection: why the vehicle doesn't use the positions that it is sent, None if it does.
-    state: what the link says of itself, as of the last read or request.
+    state: the status of the link after the last read or request for an answer.
     faults: the injected faults of the vehicle, None on hardware.
     """
 
@@ -223,7 +209,7 @@ class LinkIn:
     ) -> Sequence[Measurement]:
         accepted = accept(measurements, now)
         if measurements and not accepted:
-            self._observer.heard(now, len(measurements))
+            self._observer.answer(now, "ignored", len(measurements))
         return accepted
 
     def update_state(self, of: str) -> None:
@@ -234,11 +220,9 @@ class LinkIn:
             self.state = LinkState(*said)
             self._observer.answer(self._guard.now, of, said)
 
-    def _told(
-        self, method: str, call: Callable[P, Sequence[T]], *args: P.args, **kwargs: P.kwargs
-    ) -> Sequence[T]:
+    def _told(self, method: str, call: Callable[[], Sequence[T]]) -> Sequence[T]:
         """Return and record what the vehicle says by itself."""
-        told = self._guard.attempt(method, call, *args, **kwargs) or ()
+        told = self._guard.attempt(method, call) or ()
         if told:
             self._observer.answer(self._guard.now, method, told)
         return told
@@ -267,7 +251,9 @@ class LinkIn:
         """Return the vehicle's own preflight checks."""
         if not isinstance(self._link, ReportsChecks):
             return ()
-        return self._told("checks", self._link.checks, now)
+        checks = self._guard.attempt("checks", self._link.checks, now) or ()
+        self._observer.answer(now, "checks", [*checks])
+        return checks
 
 
 class LinkOut:
@@ -330,11 +316,21 @@ class LinkOut:
     def _ask(
         self, method: str, call: Callable[P, T], *args: P.args, **kwargs: P.kwargs
     ) -> T | None:
-        """Ask the vehicle, and note what its link then says of itself."""
+        """Ask the vehicle; record its answer and what its link then says of itself. Raises
+        Refused."""
+        guard = self._guard
         try:
-            return self._guard.ask(method, call, *args, **kwargs)
+            answer = call(*args, **kwargs)
+            guard.observer.answer(guard.now, method, answer)
+            return answer
+        except Refused as refused:
+            guard.observer.answer(guard.now, method, {"refused": str(refused)})
+            raise
+        except Exception as error:  # a driver may raise anything
+            guard.fail(error, method)
+            return None
         finally:
-            self._in.update_state("then")
+            guard.attempt("state", self._in.update_state, "state_after")
 
     def cancel_arming(self) -> None:
         """Stop arming for the command of a state that was left."""
