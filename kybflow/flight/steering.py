@@ -40,8 +40,8 @@ LEAST_NEWS = 0.001
 """Least time by which the newest measurement must be newer than the last one weighed, seconds."""
 DOUBTED, MOST_LIFT_OFF = 3.0, 0.05
 """How many times the spread of an estimate a lift-off exceeds, and the largest such height, m."""
-LEAN_TIME_S = 1.5
-"""Time over which the lean is averaged, seconds."""
+LEAN_TIME_S, LEAN_EVERY_S = 1.5, 0.1
+"""Time over which the lean is averaged, and that between two samples of it, seconds."""
 MOST_TRIM = 0.1
 """Largest trim of the slope of body z, about 6 degrees."""
 LEAST_LIFT, MOST_THRUST = 0.3, 0.95
@@ -63,9 +63,9 @@ class Steering:
     """
 
     __slots__ = (
-        "_age", "_airframe", "_carried", "_drag", "_facing", "_floor", "_heading", "_lift", "_mass",
-        "_most_force", "_most_thrust", "_slope", "_steepest", "_tilt", "_weighed", "flies",
-        "force_along", "lean", "learns", "limited", "trim",
+        "_age", "_airframe", "_carried", "_drag", "_facing", "_floor", "_heading", "_leant",
+        "_lift", "_mass", "_most_force", "_most_thrust", "_slope", "_steepest", "_tilt", "_weighed",
+        "flies", "force_along", "lean", "learns", "limited", "trim",
     )  # fmt: skip
 
     def __init__(self, context: VehicleContext, mass_guess: float) -> None:
@@ -82,7 +82,7 @@ class Steering:
         self._weighed = 0.0
         self._age = 0.0
         self.trim = self.lean = (0.0, 0.0)
-        self._drag = airframe.drag
+        self._drag, self._leant = airframe.drag, 0.0
         self.flies = self.limited = self.learns = False
         self.force_along = GRAVITY
 
@@ -147,7 +147,9 @@ class Steering:
             tx = MOST_TRIM if tx > MOST_TRIM else -MOST_TRIM if tx < -MOST_TRIM else tx
             ty = MOST_TRIM if ty > MOST_TRIM else -MOST_TRIM if ty < -MOST_TRIM else ty
             self.trim = (tx, ty)
-            self._average((fx / fz + tx, fy / fz + ty), setpoint, dt)
+            self._leant += dt
+            if self._leant >= LEAN_EVERY_S:
+                self._average((fx / fz + tx, fy / fz + ty), setpoint)
         length = sqrt(square + fz * fz)
         self._slope = (fx / length, fy / length)
         heading = setpoint.heading
@@ -158,13 +160,14 @@ class Steering:
         leaned = (fx + length * tx, fy + length * ty, fz)
         return wanted, from_thrust_facing(leaned, self._facing)
 
-    def _average(self, slope: tuple[float, float], setpoint: Setpoint, dt: float) -> None:
+    def _average(self, slope: tuple[float, float], setpoint: Setpoint) -> None:
         """Update `lean` by a commanded slope."""
         sx, sy = slope
         ax, ay, _ = setpoint.acceleration or ZERO
         vx, vy, _ = setpoint.velocity or ZERO
         x, y = self.lean
-        share, drag = dt / (LEAN_TIME_S + dt), self._drag
+        share, drag = self._leant / (LEAN_TIME_S + self._leant), self._drag
+        self._leant = 0.0
         x += share * (sx - (ax + drag * vx) / GRAVITY - x)
         y += share * (sy - (ay + drag * vy) / GRAVITY - y)
         self.lean = (x, y)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import sqrt
+from math import hypot, sqrt
 from typing import ClassVar, NamedTuple
 
 import pytest
 from plans import part
 from short_flights import fault, hovers, named, path
-from toolchain import compiled, flight_of
+from toolchain import compiled, flight_of, with_library
 
 from kybflow.core.signals import NS, Imu, Truth
 from kybflow.drivers.sim import Sim
@@ -268,3 +268,42 @@ def test_it_brakes_first_and_the_touch_of_a_wall_is_not_the_floor(tmp_path, seed
     [landed_at] = named(told, "landed")
     assert landed_at.time > into.time + 0.3 * NS
     assert abs(watch.seen[-1][1].position[2]) < 0.02
+
+
+OFF_LEVEL = """\
+kybflow: 1
+mission: off_level
+import: {std: library/airframes.yaml}
+world: {fence: {from: [-2, -2, 0], to: [2, 2, 2.5]}}
+vehicles:
+  nano:
+    like: std.nano_plus
+    start: {heading: 130 deg}
+    behaviors:
+      up: {do: take_off, height: 1 m, then: stay}
+      stay: {do: hover, for_time: 20 s, then: down}
+      down: {do: land}
+targets:
+  sim: {nano: {driver: {use: sim, mocap_misalignment: 3 deg, wind: WIND}}}
+faults:
+  - {at: 12 s, on: nano, inject: estimator_killed, estimator: mocap}
+"""
+
+
+@pytest.mark.parametrize(
+    ("seed", "wind"),
+    [(0, "[0, 0, 0]"), (1, "[1.5, -0.5, 0]"), *(
+        pytest.param(seed, "[0, 0, 0]", marks=pytest.mark.thorough) for seed in (2, 3, 4)
+    )],
+)  # fmt: skip
+def test_it_leans_as_the_tracker_did_to_stand_still(seed, wind, tmp_path):
+    """Level itself would let it drift aside by 0.4 m for each degree that it is off."""
+    with_library(tmp_path)
+    plan = compiled(tmp_path / "off.yaml", OFF_LEVEL.replace("WIND", wind), warns=True)
+    watch = Watch()
+
+    flight_of(plan, tmp_path / "run", watch, seed=seed)
+
+    (x, y, _), (u, v, _) = (watch.seen[at][1].position for at in (0, -1))
+    moved = hypot(u - x, v - y)
+    assert moved < 0.35
