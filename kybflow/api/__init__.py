@@ -1,7 +1,8 @@
 """The operations behind the command line and campaigns. They print nothing.
 
-`experiment`, `missions` and `runs` are what `import kybflow` offers. `export` writes runs for
-other programs, `figures` draws them for papers, and `compare` finds what differs between them.
+`experiment`, `missions`, `runs` and `replay` are what `import kybflow` offers. `export` writes runs
+for other programs, `figures` draws them for papers, `compare` finds what differs between them, and
+`replay` flies their records again.
 `validation` checks missions and formats findings, whose codes `codes` explains; `flight` flies
 missions or runs the preflight checks; `by_hand` checks motion capture while a person moves a
 vehicle; `opening` opens their devices; `rehearsal` flies them on ideal vehicles; `library` finds

@@ -9,6 +9,13 @@ from typing import Any
 VEHICLE_COLOURS = (
     "#2f7ed8", "#e07b26", "#1f9e77", "#a55ec4", "#d1495b", "#7a8b1f", "#00a3b5", "#c2578f",
 )  # fmt: skip
+
+
+def vehicle_colour(number: int) -> str:
+    """Return the colour of the vehicle with this number, or of a run among others."""
+    return VEHICLE_COLOURS[number % len(VEHICLE_COLOURS)]
+
+
 IMPACTS = frozenset({"collided", "landed_hard"})
 """Events by which a simulator reports that a vehicle hit something."""
 COLLISION, ALARM, EVENT = "collision", "alarm", "event"

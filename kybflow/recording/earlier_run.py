@@ -60,10 +60,13 @@ def read_earlier_run(folder: Path) -> EarlierRun:
             target=asked["target"],
             seed=asked["seed"],
             sets=tuple(asked["set"]),
-            options=tuple((name, value) for name, _, value in _parted(asked["option"], "=")),
+            options=tuple(
+                (name, value)
+                for name, _, value in (text.partition("=") for text in asked["option"])
+            ),
             emits=tuple(
                 (float(time.removesuffix("s")), name)
-                for name, _, time in _parted(asked["emit"], "@")
+                for name, _, time in (text.rpartition("@") for text in asked["emit"])
             ),
             commands=commands,
             inputs=dict(_tables(folder / INPUTS)),
@@ -75,10 +78,6 @@ def read_earlier_run(folder: Path) -> EarlierRun:
     except (ValueError, LookupError, TypeError, AttributeError) as error:
         reason = f"`{PROVENANCE}` or `{EVENTS}` is damaged"
         raise RunFolderError(f"`{folder}` can't be repeated: {reason}") from error
-
-
-def _parted(texts: Iterable[str], sign: str) -> Iterator[tuple[str, str, str]]:
-    return (text.rpartition(sign) if sign == "@" else text.partition(sign) for text in texts)
 
 
 def _tables(folder: Path) -> Iterator[tuple[str, str]]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from kybflow.recording.appearance import VEHICLE_COLOURS
+from kybflow.recording.appearance import vehicle_colour
 from kybflow.recording.run_folder import write_file
 from kybflow.report import plot
 from kybflow.report.data import read_run
@@ -40,7 +40,7 @@ def write_comparison(out: Path, folders: Sequence[Path], rows: Sequence[Row]) ->
         for n, (name, run) in enumerate(zip(names, runs, strict=True)):
             for track in (one for one in run.tracks if one.name == vehicle):
                 colour, values = (
-                    VEHICLE_COLOURS[n % len(VEHICLE_COLOURS)],
+                    vehicle_colour(n),
                     100.0 * track.position_error,
                 )
                 hover = "%{y:.2f} cm"

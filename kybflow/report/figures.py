@@ -15,7 +15,7 @@ from kybflow.core.errors import UnitError
 from kybflow.core.signals import NS
 from kybflow.core.units import LENGTH, parse_quantity
 from kybflow.inputs.rows import InputRow, InputRows
-from kybflow.recording.appearance import VEHICLE_COLOURS
+from kybflow.recording.appearance import VEHICLE_COLOURS, vehicle_colour
 from kybflow.report import plot
 from kybflow.report.data import RecordedRun, Track
 from kybflow.report.estimators import Array, norm
@@ -59,9 +59,7 @@ def _distances(run: RecordedRun, tracks: list[Track]) -> plot.Figure:
         curves = [(a.name, a.time, _to_nearest(a, tracks)) for a in tracks]
         note = "From each vehicle to the nearest one, while both are in the air."
     traces = [
-        plot.line(
-            name, time, gap, VEHICLE_COLOURS[n % len(VEHICLE_COLOURS)], 1.6, hover="%{y:.3f} m"
-        )
+        plot.line(name, time, gap, vehicle_colour(n), 1.6, hover="%{y:.3f} m")
         for n, (name, time, gap) in enumerate(curves)
     ]
     if len(traces) > _MOST_NAMED:
@@ -224,7 +222,7 @@ def _input(name: str, recorded: InputRows, run: RecordedRun) -> plot.Figure:
     traces = []
     for number, axis in enumerate(recorded.axes):
         values = np.repeat([row.axes.get(axis, np.nan) for row in recorded.rows], 2)
-        colour = VEHICLE_COLOURS[number % len(VEHICLE_COLOURS)]
+        colour = vehicle_colour(number)
         traces.append(plot.line(axis, time, values, colour, 1.6, hover="%{y:.2f}"))
     layout = plot.over_time(run, "deflection", "normal")
     layout["yaxis"]["range"] = [-1.05, 1.05]

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kybflow.recording.appearance import VEHICLE_COLOURS
+from kybflow.recording.appearance import vehicle_colour
 from kybflow.report.data import RecordedRun, Track
 from kybflow.report.estimators import Array
 from kybflow.report.events import BLIND, CLAMP, FALLBACK, FAULT, HOLD, TINTS, Interval
@@ -169,6 +169,4 @@ def bands(found: Iterable[tuple[str, float, float, str, dict[str, Any]]]) -> dic
 
 def coloured(run: RecordedRun) -> list[tuple[Track, str]]:
     """Return each track with its vehicle's colour, which is the same in all figures."""
-    return [
-        (track, VEHICLE_COLOURS[n % len(VEHICLE_COLOURS)]) for n, track in enumerate(run.tracks)
-    ]
+    return [(track, vehicle_colour(n)) for n, track in enumerate(run.tracks)]

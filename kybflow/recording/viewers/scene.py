@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterator
-from itertools import cycle, product
+from itertools import product
 from math import sqrt
 from typing import Any
 
@@ -17,7 +17,7 @@ from foxglove import messages as fox
 from kybflow.core.geometry import LEVEL, ZERO, Quat, Vec3, add, cross, from_axes, scale
 from kybflow.core.signals import NS, Time
 from kybflow.dsl.plan import Plan
-from kybflow.recording.appearance import VEHICLE_COLOURS
+from kybflow.recording.appearance import vehicle_colour
 from kybflow.world.objects import boxes_of, unit
 from kybflow.world.shapes import Box, Convex, Cylinder, Plane, Scanned, Sphere, parts_of
 
@@ -36,7 +36,7 @@ def true_frame(name: str) -> str:
 
 def colours(plan: Plan) -> dict[str, str]:
     """Return the colour `#rrggbb` of each vehicle, by name."""
-    return dict(zip((v.name for v in plan.vehicles), cycle(VEHICLE_COLOURS), strict=False))
+    return {v.name: vehicle_colour(n) for n, v in enumerate(plan.vehicles)}
 
 
 def colour(text: str, opacity: float = 1.0) -> fox.Color:
