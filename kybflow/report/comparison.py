@@ -39,10 +39,7 @@ def write_comparison(out: Path, folders: Sequence[Path], rows: Sequence[Row]) ->
         traces, highest = [], 0.0
         for n, (name, run) in enumerate(zip(names, runs, strict=True)):
             for track in (one for one in run.tracks if one.name == vehicle):
-                colour, values = (
-                    vehicle_colour(n),
-                    100.0 * track.position_error,
-                )
+                colour, values = vehicle_colour(n), 100.0 * track.position_error
                 hover = "%{y:.2f} cm"
                 traces.append(plot.line(name, track.time, values, colour, 1.6, hover=hover))
                 highest = max(highest, highest_aloft(track, "position"))
