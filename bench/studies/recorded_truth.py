@@ -63,6 +63,8 @@ def read(path: Path) -> dict[str, Rows]:
             for schema, channel, message in NonSeekingReader(file).iter_messages(
                 log_time_order=False
             ):
+                if schema.encoding == "protobuf":
+                    continue  # for viewers; it repeats what the other topics have
                 schemas[channel.topic] = schema
                 times.setdefault(channel.topic, []).append(message.log_time)
                 parts.setdefault(channel.topic, []).append(message.data)

@@ -615,8 +615,7 @@ class RunStopped(RunEvent):
 
 
 class RunInterrupted(RunEvent):
-    """A person or a program interrupted the run: every vehicle lands, or, at the second time, gets
-    no more commands."""
+    """A signal interrupted the run: every vehicle lands; the second one stops the commands."""
 
     awaited = "nowhere"
     by: str

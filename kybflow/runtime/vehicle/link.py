@@ -167,6 +167,7 @@ class LinkIn:
         self._briefly: frozenset[MeasurementKind] = frozenset()
         offers = [protocol.__name__ for protocol in OFFERED if isinstance(link, protocol)]
         self._observer.answer(0, "offers", offers)
+        guard.attempt("state", self.update_state, "state")
 
     def listen(self, now: Time, accept: Accept) -> Sequence[Measurement]:
         """Read the link; return the measurements that `accept` keeps."""

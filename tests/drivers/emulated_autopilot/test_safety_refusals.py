@@ -182,5 +182,5 @@ def test_a_run_tells_each_parameter_that_is_wrong_once(autopilot, tmp_path):
     wrong = {"px4": "EKF2_EV_CTRL is 0,", "ardupilot": "VISO_TYPE is 0,"}[autopilot]
     for words in (wrong, DANGEROUS[autopilot], f"kybflow mavlink setup --vehicle {autopilot}"):
         assert done.output.count(words) == 1
-    [_, end] = done.output.split("bare failed: ")
-    assert "are wrong for flight without GPS" in end
+    [_, end] = done.output.split("bare FAILED: ")
+    assert "more red lines" in end

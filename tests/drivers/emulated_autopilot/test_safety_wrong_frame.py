@@ -62,7 +62,7 @@ def test_it_comes_down_near_its_start_and_gently(
 
     def look(engine):
         one = engine.vehicles[0]
-        _, sent = one.link_out._link._vision.newest or (None, 0)
+        _, sent = one.knowledge.link_in._link._vision.newest or (None, 0)
         poses.append(sent / NS)
         if engine.flying and one.state == "land_blind":
             felt.add(one.knowledge.resting.specific_force)

@@ -35,6 +35,9 @@ class FakeVehicle:
     score: VehicleScore | None = None
     touches: str = ""
 
+    def note_touch(self, touch):
+        pass
+
     @property
     def truth(self):
         return Truth(self.position, (self.slides, 0.0, -self.sinks), LEVEL, ZERO, None)

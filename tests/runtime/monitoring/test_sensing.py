@@ -366,4 +366,5 @@ def test_who_has_none_of_them_has_no_channel_for_them(run) -> None:
     ours = [c for c in summary.channels.values() if c.message_encoding != "protobuf"]
     assert {channel.topic for channel in ours} == {
         "/events", "/a/tick", "/a/wanted", "/a/estimator/mocap", "/a/pose", "/a/imu", "/a/battery",
+        "/a/link",
     }  # fmt: skip
