@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from itertools import zip_longest
+from operator import attrgetter
 from pathlib import PurePath
 from typing import Any, NamedTuple
 
 import yaml
 
-from kybflow.api.runs import Run
+from kybflow.api.runs import Run, readable
 from kybflow.core.files import read_all
 from kybflow.core.signals import NS, Event
 from kybflow.core.units import format_measured
 from kybflow.dsl.reading.reader import RESOLVED
+from kybflow.recording.run_folder import RunFolderError
 
 
 class ComparedRow(NamedTuple):
@@ -47,7 +50,13 @@ def compare(runs: Sequence[Run]) -> list[ComparedRow]:
 def _rows(
     section: str, runs: Sequence[Run], facts: Callable[[Run], Iterator[tuple[str, str]]]
 ) -> Iterator[ComparedRow]:
-    each = [dict(facts(run)) for run in runs]
+    each = []
+    for run in runs:
+        try:
+            with readable(run.folder):
+                each.append(dict(facts(run)))
+        except yaml.YAMLError as error:
+            raise RunFolderError(f"`{run.folder / RESOLVED}` is damaged: {error}") from error
     for name in dict.fromkeys(name for found in each for name in found):
         yield ComparedRow(section, name, tuple(found.get(name) for found in each))
 
@@ -92,11 +101,14 @@ def _flat(name: str, value: Any) -> Iterator[tuple[str, str]]:
 
 def _errors(run: Run) -> Iterator[tuple[str, str]]:
     for name, vehicle in run.summary.get("vehicles", {}).items():
+        times = Counter[str]()
         for visit in vehicle["behaviors"]:
-            error = visit["position_error_m"]
+            error, state = visit["position_error_m"], visit["name"]
             if error:
+                times[state] += 1
+                which = f" ({times[state]})" if times[state] > 1 else ""
                 shown = (format_measured(error[key], "m") for key in ("mean", "max"))
-                yield f"{name}.{visit['name']} mean, max", ", ".join(shown)
+                yield f"{name}.{state}{which} mean, max", ", ".join(shown)
 
 
 def _expectations(run: Run) -> Iterator[tuple[str, str]]:
@@ -110,15 +122,15 @@ def _expectations(run: Run) -> Iterator[tuple[str, str]]:
 
 
 def _first_difference(first: Run, other: Run) -> str | None:
-    """Return the first event of `other` that `first` doesn't have at the same time; None if all are
-    the same."""
+    """Return the first event that one of the runs has and the other has not; None if all are the
+    same."""
 
     def fact(event: Event) -> tuple[Any, ...]:
         return (event.time, event.name, event.vehicle, json.dumps(event.fields, sort_keys=True))
 
     for ours, theirs in zip_longest(first.events, other.events):
         if ours is None or theirs is None or fact(ours) != fact(theirs):
-            return _shown(theirs or ours)
+            return _shown(min(filter(None, (theirs, ours)), key=attrgetter("time")))
     return None
 
 

@@ -95,6 +95,7 @@ class RunRequest:
             "set": [*self.sets],
             "option": [f"{name}={value}" for name, value in self.options],
             "emit": [f"{name}@{seconds!r}s" for seconds, name in self.emitted],
+            **({} if self.tape is None else {"replay_of": str(self.tape.folder)}),
         }
 
 

@@ -141,7 +141,9 @@ class Run:
         self._vehicles: dict[str, RecordedVehicle] = {}
         self.summary: dict[str, Any] = {}
         if (folder / SUMMARY).exists():
-            self.summary = json.loads(read_all(folder / SUMMARY))
+            self.summary = dict(json.loads(read_all(folder / SUMMARY)))
+        if not (folder / EVENTS).exists():
+            raise RunFolderError(f"`{folder}` is not a readable run: it has no `{EVENTS}`")
         records = [json.loads(line) for line in whole_lines(folder / EVENTS)]
         self.events: tuple[Event, ...] = tuple(
             Event(round(r["t_s"] * NS), r["event"], r["vehicle"], r["fields"], r["at"])
@@ -152,7 +154,7 @@ class Run:
     def load(cls, folder: str | Path) -> Run:
         """Read the run in `folder`. Raises RunFolderError."""
         path = Path(folder)
-        with _readable(path):
+        with readable(path):
             return cls(path, read_mission(path / LOG))
 
     @property
@@ -209,8 +211,15 @@ class Run:
         new = [name for name in names if name not in self._vehicles]
         if new:
             prefixes = tuple(f"/{name}/" for name in new)
-            with _readable(self.folder):
+            with readable(self.folder):
                 log = read_recording(self.folder / LOG, lambda topic: topic.startswith(prefixes))
+            without = [name for name in new if f"/{name}/tick" not in log.topics]
+            if without:
+                reason = f": {self.reason}" if self.reason else ""
+                raise RunFolderError(
+                    f"`{self.folder}` has no ticks of `{without[0]}`, because the run ended before "
+                    f"it could take off{reason}"
+                )
             self._vehicles |= {name: RecordedVehicle(name, log, self.events) for name in new}
         return [self._vehicles[name] for name in names]
 
@@ -253,12 +262,15 @@ class Run:
 
 
 @contextmanager
-def _readable(folder: Path) -> Iterator[None]:
+def readable(folder: Path) -> Iterator[None]:
     """Turn the errors of an unreadable folder into RunFolderError."""
     try:
         yield
-    except (OSError, ValueError, KeyError, FileError, McapError) as error:
-        raise RunFolderError(f"`{folder}` is not a readable run: {error}") from error
+    except (OSError, ValueError, LookupError, FileError, McapError) as error:
+        why = str(error) or f"`{LOG}` is empty"
+        raise RunFolderError(f"`{folder}` is not a readable run: {why}") from error
+    except (TypeError, AttributeError, OverflowError) as error:
+        raise RunFolderError(f"`{folder}` is not a readable run: a file is damaged") from error
 
 
 def _nothing(like: NDArray[Any]) -> NDArray[Any]:

@@ -47,7 +47,7 @@ def read_earlier_run(folder: Path) -> EarlierRun:
     """Read the run in `folder`. Raises RunFolderError."""
     try:
         asked = json.loads(read_all(folder / PROVENANCE))
-        events = [json.loads(line) for line in whole_lines(folder / EVENTS)]
+        events = [json.loads(line) for line in read_all(folder / EVENTS).decode().split("\n")[:-1]]
         given = [(e["t_s"], e["fields"]) for e in events if e["event"] == "command_given"]
         commands = tuple(
             RecordedCommand(

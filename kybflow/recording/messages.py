@@ -98,10 +98,13 @@ def read_recording(path: Path, wants: Callable[[str], bool] = lambda _: True) ->
     """Read the topics that `wants` of the recording at `path`. Raises OSError, ValueError or
     McapError for a file that is not a recording, or is one of another version of kybflow."""
     channels, mission = _Channels(path, wants), read_mission(path)
-    for opcode, data in _records(path):
-        if opcode == Opcode.CHUNK:
-            stream, length = get_chunk_data_stream(Chunk.read(data))
-            channels.read(stream.read(length))
+    try:
+        for opcode, data in _records(path):
+            if opcode == Opcode.CHUNK:
+                stream, length = get_chunk_data_stream(Chunk.read(data))
+                channels.read(stream.read(length))
+    except (RuntimeError, LookupError, struct.error) as error:
+        raise ValueError(f"`{path.name}` is damaged: {error}") from error
     return Recording(mission, channels.topics())
 
 
@@ -119,7 +122,10 @@ def read_mission(path: Path) -> dict[str, Any]:
 def _records(path: Path) -> Iterator[tuple[int, ReadDataStream]]:
     """Yield the outer records that matter, as (opcode, content), as far as they are written."""
     with open_regular(path) as file:
-        read_magic(ReadDataStream(file))
+        try:
+            read_magic(ReadDataStream(file))
+        except struct.error:
+            raise ValueError(f"`{path.name}` is no recording") from None
         while len(begin := file.read(_RECORD.size)) == _RECORD.size:
             opcode, length = _RECORD.unpack(begin)
             if opcode not in (Opcode.CHUNK, Opcode.METADATA):

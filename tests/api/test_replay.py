@@ -134,9 +134,8 @@ def test_it_decides_on_measurements_and_answers_alone(
     copy = blinded(run, tmp_path / "blind")
     assert not read_recording(copy / "log.mcap").ticks("nano").values["estimate"]["present"].any()
 
-    replayed = replay(copy, out=tmp_path / "again")
+    replay(copy, out=tmp_path / "again")  # which differs from the nothing that the copy shows
 
-    assert is_same(replayed), replayed
     assert (tmp_path / "again" / "log.mcap").read_bytes() == (run / "log.mcap").read_bytes()
 
 
@@ -206,6 +205,26 @@ def test_what_the_edit_leaves_out_is_a_difference_too(
     assert (recorded, replayed) == ("behavior_ended", "")
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "differs"),
+    [
+        ("like: std.nano_plus", "like: std.nano_plus\n    tracker: cascade", "command"),
+        ("radius: 60 cm", "radius: 62 cm", "setpoint"),
+    ],
+)
+def test_what_flies_otherwise_is_a_difference_without_any_event(
+    before: str, after: str, differs: str, tmp_path: Path, flown: Callable[..., Path]
+) -> None:
+    run = flown("fallback")
+    mission = edited("fallback", tmp_path, before, after)
+
+    time, recorded, replayed = first_difference(run, mission)
+
+    assert recorded == replayed == differs
+    begins = {"command": 0.0, "setpoint": began(run, "round")}[differs]
+    assert begins <= time < begins + 1.0
+
+
 def test_the_command_line_shows_both_lines_of_the_mission(
     tmp_path: Path, flown: Callable[..., Path]
 ) -> None:
@@ -242,12 +261,16 @@ def test_a_killed_run_is_flown_as_far_as_it_goes(
     shutil.copytree(flown("first_flight"), run)
     whole = (run / "log.mcap").read_bytes()
     (run / "log.mcap").write_bytes(whole[: len(whole) // 2])
-    (run / "summary.json").unlink()
+    summary = run / "summary.json"
+    summary.unlink()
 
     replayed = replay(run)
+    summary.write_bytes((flown("first_flight") / "summary.json").read_bytes())
+    told_whole = replay(run)
 
     assert replayed.difference is None
     assert not replayed.is_whole
+    assert not told_whole.is_whole
     assert 3.0 < replayed.until < 9.0
 
 
@@ -259,3 +282,13 @@ def test_it_says_what_can_not_be_replayed(tmp_path: Path, flown: Callable[..., P
         replay(run, mission=other)
     with pytest.raises(RunFolderError, match="not a readable run"):
         replay(tmp_path)
+    damaged = tmp_path / "damaged"
+    shutil.copytree(run, damaged)
+    data = bytearray((run / "log.mcap").read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    (damaged / "log.mcap").write_bytes(data)
+    with pytest.raises(RunFolderError, match=r"`log.mcap` is damaged"):
+        replay(damaged)
+    (damaged / "events.jsonl").unlink()
+    with pytest.raises(RunFolderError, match=r"no `events.jsonl`"):
+        replay(damaged)

@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -125,15 +126,18 @@ class Latest(Generic[T]):
 
 
 class Tape:
-    """A record as devices. outside: the recorded events that its devices can't cause, by vehicle.
-    watch: is called after each tick with its time, and may raise TapeEnded."""
+    """A record as devices. folder: that of its run. outside: the recorded events that its devices
+    can't cause, by vehicle. watch: is called after each tick with its time, and may raise
+    TapeEnded."""
 
     def __init__(
         self,
+        folder: Path,
         log: Recording,
         outside: Mapping[str, Sequence[Event]],
         watch: Callable[[Time], None],
     ) -> None:
+        self.folder = folder
         self._log, self._outside, self._watch = log, outside, watch
         self._turn = _Turn(log)
         interrupts = (e for e in outside.get("", ()) if e.name == RunInterrupted.name)

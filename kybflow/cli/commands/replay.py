@@ -49,8 +49,12 @@ def command(
     """
     from kybflow.api.missions import MissionInvalid
     from kybflow.api.replay.replay import replay
+    from kybflow.cli.commands.run import warn_of_changed
+    from kybflow.recording.earlier_run import read_earlier_run
 
     with arguments.failing(FAILED, KybflowError), arguments.failing(INVALID, MissionInvalid):
+        if parts:
+            warn_of_changed(read_earlier_run(run), parts)
         replayed = replay(run, mission=mission, parts=parts, out=out)
     for line in _told(replayed):
         echo(line)
@@ -59,7 +63,10 @@ def command(
 
 
 def _told(replayed: Replayed) -> Iterator[str]:
-    same = f"{replayed.events} events, {replayed.transitions} of them transitions, as in the run"
+    same = (
+        f"every setpoint and command and {replayed.events} events, {replayed.transitions} of them "
+        "transitions, as in the run"
+    )
     difference = replayed.difference
     if difference is None:
         yield (
@@ -68,7 +75,7 @@ def _told(replayed: Replayed) -> Iterator[str]:
             else (f"{same}, to {replayed.until:.2f} s, where its record ends")
         )
         return
-    yield f"{same}; the first difference is at {difference.time:.3f} s"
+    yield f"{same}; the first difference is at {difference.time:.3f} s:"
     yield from _shown("in the run", difference.recorded, has_line=not replayed.changed)
     yield from _shown("in the replay", difference.replayed)
     yield "The record doesn't show what would have happened then."

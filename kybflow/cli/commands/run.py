@@ -89,7 +89,7 @@ def command(
         sets = [] if is_resolved else [*earlier.sets]
         options = [arguments.Change(*change) for change in earlier.options]
         emits = [arguments.Emitted(*emitted) for emitted in earlier.emits]
-        _check_parts(earlier, parts)
+        warn_of_changed(earlier, parts)
     plan, result = arguments.compiled(mission, target, sets, parts)
     skips = rehearses is False and not plan.simulated
     rehearsed = None
@@ -106,7 +106,7 @@ def command(
     )  # fmt: skip
 
 
-def _check_parts(earlier: EarlierRun, parts: Sequence[Path]) -> None:
+def warn_of_changed(earlier: EarlierRun, parts: Sequence[Path]) -> None:
     """Warn of files of --parts that differ from those of the earlier run. Exits with INVALID if one
     is missing or not a part."""
     from kybflow.parts.catalog import load_catalog

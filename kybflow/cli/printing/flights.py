@@ -4,6 +4,7 @@ flight took."""
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from kybflow.campaigns.cases import Coverage, FlightResult
 
 _MARGIN = " " * 20
+_RAISED = re.compile(r'^  File "(.+)", line (\d+)', re.MULTILINE)
 _NOTABLE_S = 0.1
 """Time without a value that is worth a word, s."""
 _MEASURED = ("text", "held", "value", "margin", "unit", "when_s")
@@ -65,6 +67,8 @@ def sentence(event: Event) -> str:
     quiet = _QUIET_FIELDS | {"reason"} if event.name == "run_ended" else _QUIET_FIELDS
     shown = {k: v for k, v in fields.items() if k not in quiet and v is not None}
     words += [f"{k}={headline(_short(v))}" for k, v in shown.items()]
+    if raised := _RAISED.findall(str(fields.get("traceback", ""))):
+        words.append("({}:{})".format(*raised[-1]))
     at = f"  [{without_homes(event.at)}]" if event.at else ""
     line = f"{_beginning(event.time, event.vehicle)}{' '.join(words)}{at}"
     below = (row for value in shown.values() for row in details(_short(value)))
