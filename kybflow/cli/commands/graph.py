@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from typer import Argument, Option
 
-from kybflow.cli.arguments import Sets, Target, compiled, writing
+from kybflow.cli.arguments import Parts, Sets, Target, compiled, writing
 from kybflow.core.files import write_whole
 
 
@@ -21,6 +21,7 @@ def command(
     out: Annotated[Path | None, Option(help="Write it to this file.")] = None,
     target: Target = None,
     sets: Sets,
+    parts: Parts,
 ) -> None:
     """Draw each vehicle's state machine, with flight types and conditions.
 
@@ -32,7 +33,7 @@ def command(
     from kybflow.dsl.graph.drawing import mermaid
     from kybflow.dsl.graph.svg import svg
 
-    plan, _ = compiled(mission, target, sets)
+    plan, _ = compiled(mission, target, sets, parts)
     drawn = (svg if format == "svg" else mermaid)(plan)
     if out is None:
         sys.stdout.write(drawn)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 from typer import Argument, Exit, Option
 
-from kybflow.cli.arguments import Seed, Sets, Target, compiled, failing, wrong
+from kybflow.cli.arguments import Parts, Seed, Sets, Target, compiled, failing, wrong
 from kybflow.cli.output import columns, echo, printer
 from kybflow.core.errors import DRIVER_FAILED, FAILED
 from kybflow.core.text import INDENT, details, headline
@@ -25,6 +25,7 @@ def command(
     *,
     target: Target = None,
     sets: Sets,
+    parts: Parts,
     seed: Seed = 0,
     by_hand: Annotated[
         str | None,
@@ -58,7 +59,7 @@ def command(
     from kybflow.api.rehearsal.rehearse import preflight_line, rehearse
     from kybflow.core.errors import DriverError, PartFailed
 
-    plan, result = compiled(mission, target, sets)
+    plan, result = compiled(mission, target, sets, parts)
     if by_hand is not None:
         _check_by_hand(plan, by_hand, seed)
     try:

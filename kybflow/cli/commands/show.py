@@ -7,7 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from kybflow.cli.arguments import Sets, Target, compiled
+from kybflow.cli.arguments import Parts, Sets, Target, compiled
 from kybflow.cli.output import echo
 
 
@@ -17,6 +17,7 @@ def command(
     resolved: Annotated[bool, Option("--resolved", help="Show the resolved mission.")] = False,
     target: Target = None,
     sets: Sets,
+    parts: Parts,
 ) -> None:
     """Show a mission's vehicles, states and parameters.
 
@@ -29,5 +30,5 @@ def command(
     """
     from kybflow.cli.printing.mission import show_mission
 
-    plan, found = compiled(mission, target, sets)
+    plan, found = compiled(mission, target, sets, parts)
     echo(plan.resolved.rstrip() if resolved else show_mission(plan, found.parameters))
