@@ -71,7 +71,7 @@ class PartFailed(KybflowError):
     """A part raised an exception or returned an invalid value during a run. part: its label.
     traceback: where it raised."""
 
-    def __init__(self, part: str, error: Exception) -> None:
+    def __init__(self, part: str, error: BaseException) -> None:
         super().__init__(described(error))
         self.part, self.traceback = part, traceback_of(error)
 
@@ -97,13 +97,13 @@ class DriverError(KybflowError):
     """A driver, a link or a device failed."""
 
 
-def traceback_of(error: Exception) -> str:
+def traceback_of(error: BaseException) -> str:
     """Return the traceback of an exception as text; empty for kybflow's own errors, whose messages
     are complete."""
     return "" if isinstance(error, KybflowError) else "".join(format_exception(error))
 
 
-def described(error: Exception) -> str:
+def described(error: BaseException) -> str:
     """Return an exception in one line: its type and, if it has one, its message."""
     name = type(error).__name__
     return f"{name}: {error}" if str(error) else name

@@ -14,5 +14,5 @@ def make(part: PartPlan, params: Any, context: VehicleContext) -> Any:
     constructor raises."""
     try:
         return part.cls(params, context)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise PartFailed(part.label, error) from error

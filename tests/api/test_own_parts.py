@@ -80,6 +80,21 @@ def test_a_part_that_raises_shows_its_line(mission: Path) -> None:
     assert f'my_tracker.py", line {line}' in str(failed.fields["traceback"])
 
 
+def test_a_part_that_calls_exit_fails_its_vehicle_alone(mission: Path) -> None:
+    own = mission.parent / "my_tracker.py"
+    leaves = (
+        "if tick.elapsed > 1.0 and tick.estimate.position[2] > 0.5:\n"
+        "            raise SystemExit(3)\n"
+        "        k, d, now ="
+    )
+    own.write_text(TRACKER.read_text().replace("k, d, now =", leaves))
+    run = kybflow.run(mission, parts=[own], out=mission.parent / "left")
+    assert run.outcome == "failed"
+    assert run.summary["vehicles"]["a"]["final"] == "ground"
+    [failed] = [event for event in run.events if event.name == "part_failed"]
+    assert (failed.fields["part"], failed.fields["reason"]) == ("tracker", "SystemExit: 3")
+
+
 @pytest.mark.parametrize(
     ("name", "text", "told"),
     [

@@ -207,7 +207,7 @@ class Control:
                 setpoint = _pressing(asked, setpoint)
             part = self._tracker_label
             command = checked_command(self._tracker.update(setpoint, tick))
-        except Exception:
+        except (Exception, SystemExit):
             self._raised = part
             raise
         self.followed = setpoint
@@ -262,7 +262,7 @@ class Control:
                 self._set_option(name, value, f"processor {part.name}", part.at)
         return output
 
-    def attribute_failure(self, error: Exception, behavior: str) -> tuple[PartFailed, bool]:
+    def attribute_failure(self, error: BaseException, behavior: str) -> tuple[PartFailed, bool]:
         """Return the failure of the part that raised `error`, and whether the vehicle needs that
         part to fly. behavior: the label to which the error is attributed if neither a processor nor
         the tracker raised it. A processor is not needed and is removed."""

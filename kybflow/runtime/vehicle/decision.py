@@ -54,7 +54,7 @@ class Decision:
         try:
             tick = self._decide(tick)
             command, wanted = self._steer(tick) or self._resteered(tick)
-        except Exception as error:  # a part may raise anything; it fails this vehicle alone
+        except (Exception, SystemExit) as error:  # it fails this vehicle alone
             command, wanted = self._without(error, tick)
         runner = self._runner
         if runner.behavior.lets_go:
@@ -71,13 +71,13 @@ class Decision:
             self._grip(tick.now)
         return command, wanted
 
-    def _without(self, failure: Exception, tick: Tick) -> Commanded:
+    def _without(self, failure: BaseException, tick: Tick) -> Commanded:
         """Return the command of this tick without the part that raised `failure`."""
         for _ in range(_ESCALATIONS + len(self._plan.processors)):
             try:
                 self.fail(failure, tick)
                 return self._resteered(tick)
-            except Exception as error:  # the next attempt does without the part that raised
+            except (Exception, SystemExit) as error:  # the next attempt is without the part
                 failure = error
         return (RESTING if self._runner.land_mode is None else HANDED_OVER), None
 
@@ -190,7 +190,7 @@ class Decision:
             commanded = self._steer(tick)
         return commanded
 
-    def fail(self, error: Exception, tick: Tick) -> None:
+    def fail(self, error: BaseException, tick: Tick) -> None:
         """React to an exception that a part raised."""
         behavior = self._runner.state.behavior.label
         failure, is_needed = self._control.attribute_failure(error, behavior)

@@ -275,7 +275,7 @@ class Estimation:
             try:
                 if candidate.update(measurements, now, flown) and chosen is None:
                     chosen = candidate
-            except Exception as error:  # a part may raise anything
+            except (Exception, SystemExit) as error:  # a part may raise anything
                 self._fail(candidate, error)
             if candidate.part.refusal is not candidate.refusal:
                 self._events.emit(candidate.note_refusal(now), self._vehicle, candidate.at)
@@ -332,10 +332,10 @@ class Estimation:
         for candidate in self._others:
             try:
                 candidate.part.anchor(estimate)
-            except Exception as error:  # a part may raise anything
+            except (Exception, SystemExit) as error:  # a part may raise anything
                 self._fail(candidate, error)
 
-    def _fail(self, failed: Candidate, error: Exception) -> None:
+    def _fail(self, failed: Candidate, error: BaseException) -> None:
         failed.fail()
         self._candidates = [c for c in self._candidates if c is not failed]
         self._bounded = [c for c in self._bounded if c is not failed]

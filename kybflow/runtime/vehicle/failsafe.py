@@ -156,7 +156,7 @@ class Failsafe:
                 if alarm is None:
                     continue
                 raised = self.emit(label, checked_alarm(alarm), tick.now)
-            except Exception as error:  # a part may raise anything
+            except (Exception, SystemExit) as error:  # a part may raise anything
                 self._checks = tuple(c for c in self._checks if c[0] != label)
                 self._hurried = tuple(c for c in self._hurried if c[0] != label)
                 raised = self.failure(PartFailed(label, error), Reaction.LAND)
@@ -175,7 +175,7 @@ class Failsafe:
             at = self._lines.get(label, "")
             try:
                 alarm = check(tick, True)
-            except Exception as error:  # a part may raise anything
+            except (Exception, SystemExit) as error:  # a part may raise anything
                 found.append((label, f"it failed: {described(error)}", at))
                 continue
             if alarm is not None and alarm.reaction > Reaction.WARN:
