@@ -42,13 +42,17 @@ def _class(cls: type[Any]) -> Iterator[str]:
     if hasattr(cls, "_fields"):
         yield f"Fields: {', '.join(f'`{name}: {kind}`' for name, kind in _annotations(cls))}."
     for name, member in vars(cls).items():
+        if isinstance(member, property) and inspect.getdoc(member):
+            yield f"### `{name}`"
+            yield inspect.getdoc(member) or ""
         own = member.__func__ if isinstance(member, classmethod) else member
         if inspect.isfunction(own) and not name.startswith("_") and inspect.getdoc(own):
             yield from _function(own, "###", "classmethod " if own is not member else "")
 
 
 def _annotations(cls: type[Any]) -> list[tuple[str, str]]:
-    return [(name, str(kind).strip("'")) for name, kind in inspect.get_annotations(cls).items()]
+    found = inspect.get_annotations(cls).items()
+    return [(name, getattr(kind, "__forward_arg__", str(kind))) for name, kind in found]
 
 
 def _function(function: Any, heading: str, kind: str = "") -> Iterator[str]:
