@@ -23,6 +23,12 @@ from kybflow.core.signals import NS
 from kybflow.recording.messages import TICK, read_recording
 from kybflow.recording.run_folder import RunFolderError
 
+MARKS = dict.fromkeys(
+    ("courier_hard", "push_cart", "corridor", "mass_pickup", "two_lives", "follow_leader"),
+    pytest.mark.thorough,
+)
+"""One mission of each kind: with cameras, objects, moving obstacles, a payload, inputs, and a fleet
+that talks; the others have no other kind of device."""
 OUTSIDE = {"sensor_failed", "measurement_refused", "tags_lost", "tags_found", "run_interrupted"}
 
 
@@ -67,13 +73,13 @@ def test_a_replay_writes_the_same_bytes(
     assert (tmp_path / "again" / "log.mcap").read_bytes() == recorded.read_bytes()
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(p, id=p.stem, marks=MARKS.get(p.stem, pytest.mark.slow)) for p in SHIPPED],
+)
 def test_every_shipped_mission_is_decided_as_it_was_flown(
     path: Path, tmp_path: Path, flown: Callable[..., Path]
 ) -> None:
-    if path.stem in ("swarm_teleoperation", "waypoint_swarm", "push_bar", "three_ardrones"):
-        pytest.skip("long, and no other kind of device; flown by hand now and then")
     replayed = replay(flown(path.stem), out=tmp_path / "again")
 
     assert is_same(replayed), replayed
