@@ -58,7 +58,7 @@ def is_same(replayed: Replayed) -> bool:
         ("first_flight", "sim"),
         ("first_flight", "emulated_px4"),
         ("fallback", "sim"),
-        ("joystick", "sim"),
+        pytest.param("joystick", "sim", marks=pytest.mark.thorough),
         pytest.param("first_flight", "emulated_ardupilot", marks=pytest.mark.thorough),
         pytest.param("three_ardrones", "sim", marks=pytest.mark.thorough),
     ],
@@ -188,6 +188,7 @@ def test_an_edited_duration(tmp_path: Path, flown: Callable[..., Path]) -> None:
     assert replayed == "behavior_ended"
 
 
+@pytest.mark.thorough
 def test_an_edited_transition(tmp_path: Path, flown: Callable[..., Path]) -> None:
     run = flown("joystick")
     mission = edited("joystick", tmp_path, "event: stick.give", "event: stick.right_shoulder")

@@ -136,7 +136,7 @@ def test_the_preflight_of_a_missing_device_ends_as_its_run_does(run, capsys, mon
     result = SimpleNamespace(texts={})
     monkeypatch.setattr(preflight, "compiled", lambda *_: (plan(own), result))
     with pytest.raises(Exit) as end:
-        preflight.command(Path("m.yaml"), sets=[])
+        preflight.command(Path("m.yaml"), sets=[], parts=[])
     assert end.value.exit_code == flown.exit_code == EXIT_CODES["driver_failed"]
     printed = " ".join(capsys.readouterr().out.split())
     assert "RED a link DriverError: system 1 was silent for 10 s" in printed

@@ -24,7 +24,7 @@ LONG = frozenset(
     {
         *("courier", "courier_hard", "formation", "swarm_teleoperation", "follow_leader"),
         *("waypoint_swarm", "cross_traffic", "corridor", "joystick", "push_cart", "rubble"),
-        *("squad", "survey", "three_ardrones", "two_lives", "push_bar"),
+        *("squad", "survey", "three_ardrones", "two_lives", "push_bar", "windy", "trajectory"),
     }
 )
 """Flown and rehearsed in the thorough tests only: each takes longer than several of the others
