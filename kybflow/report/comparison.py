@@ -11,7 +11,7 @@ from kybflow.recording.appearance import vehicle_colour
 from kybflow.recording.run_folder import write_file
 from kybflow.report import plot
 from kybflow.report.data import read_run
-from kybflow.report.figures import highest_aloft
+from kybflow.report.figures import error_curves
 from kybflow.report.page import rendered
 from kybflow.report.timeline import timeline
 
@@ -36,16 +36,13 @@ def write_comparison(out: Path, folders: Sequence[Path], rows: Sequence[Row]) ->
     longest = max(runs, key=lambda run: run.end)
     figures = []
     for vehicle in dict.fromkeys(track.name for run in runs for track in run.tracks):
-        traces, highest = [], 0.0
-        for n, (name, run) in enumerate(zip(names, runs, strict=True)):
-            for track in (one for one in run.tracks if one.name == vehicle):
-                colour, values = vehicle_colour(n), 100.0 * track.position_error
-                hover = "%{y:.2f} cm"
-                traces.append(plot.line(name, track.time, values, colour, 1.6, hover=hover))
-                highest = max(highest, highest_aloft(track, "position"))
-        layout = plot.over_time(longest, "position error (cm)", "tozero")
-        if highest > 0.0:
-            layout["yaxis"]["range"] = [0.0, 115.0 * highest]
+        curves = [
+            (name, track, vehicle_colour(n))
+            for n, (name, run) in enumerate(zip(names, runs, strict=True))
+            for track in run.tracks
+            if track.name == vehicle
+        ]
+        traces, layout, _ = error_curves(longest, curves, "position", "m")
         title = f"Position error of {vehicle}"
         figures.append(plot.Figure(f"error_{vehicle}", title, "", traces, layout))
     for n, (name, run) in enumerate(zip(names, runs, strict=True)):

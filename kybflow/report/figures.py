@@ -4,6 +4,7 @@ batteries."""
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import replace
 from itertools import combinations, pairwise
 from math import dist
@@ -243,26 +244,35 @@ def _input(name: str, recorded: InputRows, run: RecordedRun) -> plot.Figure:
 
 
 def _errors(run: RecordedRun, what: str, unit: str) -> plot.Figure:
-    traces = []
-    for track, colour in plot.coloured(run):
-        values = (track.position_error if what == "position" else track.velocity_error) * 100.0
-        hover = f"%{{y:.2f}} c{unit}"
-        traces.append(plot.line(track.name, track.time, values, colour, 1.6, hover=hover))
+    curves = [(track.name, track, colour) for track, colour in plot.coloured(run)]
+    traces, layout, fits = error_curves(run, curves, what, unit)
     known = "true" if run.simulated else "estimated"
     note = f"In the air, between the behavior's setpoint and the {known} {what}."
-    layout = plot.over_time(run, f"{what} error (c{unit})", "tozero")
-    highest = max((highest_aloft(track, what) for track in run.tracks), default=0.0)
-    if highest > 0.0:
-        layout["yaxis"]["range"] = [0.0, 115.0 * highest]
+    if fits:
         note += " The axis fits behaviors that stay in the air; double-click for the full range."
     layout |= plot.shade(shaded(run), len(run.tracks) > 1)
     return plot.Figure(f"{what}_error", f"{what.capitalize()} error", note, traces, layout)
 
 
-def highest_aloft(track: Track, what: str) -> float:
-    """Return the largest error in behaviors that neither take off nor land, in SI units; 0 if there
-    are none."""
-    errors = track.position_error if what == "position" else track.velocity_error
+def error_curves(
+    run: RecordedRun, curves: Iterable[tuple[str, Track, str]], what: str, unit: str
+) -> tuple[list[dict[str, Any]], dict[str, Any], bool]:
+    """Return the errors over the time of `run` as traces, their layout, and whether its axis fits
+    the behaviors that stay in the air. curves: the name, the track and the colour of each."""
+    traces, highest = [], 0.0
+    hover = f"%{{y:.2f}} c{unit}"
+    for name, track, colour in curves:
+        errors = track.position_error if what == "position" else track.velocity_error
+        traces.append(plot.line(name, track.time, 100.0 * errors, colour, 1.6, hover=hover))
+        highest = max(highest, _highest_aloft(track, errors))
+    layout = plot.over_time(run, f"{what} error (c{unit})", "tozero")
+    if highest > 0.0:
+        layout["yaxis"]["range"] = [0.0, 115.0 * highest]
+    return traces, layout, highest > 0.0
+
+
+def _highest_aloft(track: Track, errors: Array) -> float:
+    """Return the largest error in behaviors that neither take off nor land; 0 if there are none."""
     aloft = np.zeros(len(track.time), bool)
     for visit in track.visits:
         if visit.aloft:
