@@ -53,8 +53,7 @@ def command(
     from kybflow.recording.earlier_run import read_earlier_run
 
     with arguments.failing(FAILED, KybflowError), arguments.failing(INVALID, MissionInvalid):
-        if parts:
-            warn_of_changed(read_earlier_run(run), parts)
+        warn_of_changed(read_earlier_run(run), parts)
         replayed = replay(run, mission=mission, parts=parts, out=out)
     for line in _told(replayed):
         echo(line)

@@ -89,6 +89,9 @@ def command(
         sets = [] if is_resolved else [*earlier.sets]
         options = [arguments.Change(*change) for change in earlier.options]
         emits = [arguments.Emitted(*emitted) for emitted in earlier.emits]
+        if missing := earlier.missing_parts([file.name for file in parts]):
+            told = f"the earlier run flew parts that --again doesn't load:{missing}"
+            raise arguments.WrongUsage(told)
         warn_of_changed(earlier, parts)
     plan, result = arguments.compiled(mission, target, sets, parts)
     skips = rehearses is False and not plan.simulated
@@ -108,18 +111,13 @@ def command(
 
 def warn_of_changed(earlier: EarlierRun, parts: Sequence[Path]) -> None:
     """Warn of files of --parts that differ from those of the earlier run. Exits with INVALID if one
-    is missing or not a part."""
+    is not a part."""
     from kybflow.parts.catalog import load_catalog
 
     with arguments.failing(INVALID, PartError):
         given = {file.name: (file, digest) for file, digest in load_catalog(*parts).files}
-    missing = earlier.missing_parts(given)
-    if missing:
-        raise arguments.WrongUsage(
-            f"the earlier run flew parts that --again doesn't load:{missing}"
-        )
     for flown, digest in earlier.parts:
-        file, own = given[flown.name]
+        file, own = given.get(flown.name, (flown, digest))
         if own != digest:
             echo(f"warning: `{file}` is not the file that the earlier run flew:", err=True)
             echo(f"  its SHA-256 is {own}, and was {digest}", err=True)
