@@ -125,13 +125,16 @@ def _first_difference(first: Run, other: Run) -> str | None:
     """Return the first event that one of the runs has and the other has not; None if all are the
     same."""
 
-    def fact(event: Event) -> tuple[Any, ...]:
-        return (event.time, event.name, event.vehicle, json.dumps(event.fields, sort_keys=True))
-
     for ours, theirs in zip_longest(first.events, other.events):
         if ours is None or theirs is None or fact(ours) != fact(theirs):
             return _shown(min(filter(None, (theirs, ours)), key=attrgetter("time")))
     return None
+
+
+def fact(event: Event, without: str = "") -> tuple[Any, ...]:
+    """Return what happened, to compare events; without one of the fields."""
+    fields = {name: value for name, value in event.fields.items() if name != without}
+    return event.time, event.name, event.vehicle, json.dumps(fields, sort_keys=True)
 
 
 def _shown(event: Event) -> str:

@@ -6,7 +6,6 @@ from then on the recorded measurements no longer show what would have happened.
 
 from __future__ import annotations
 
-import json
 import math
 from collections import deque
 from collections.abc import Iterable, Sequence
@@ -18,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kybflow.api.compare import fact
 from kybflow.api.flight import RunRequest, fly
 from kybflow.api.missions import compile_plan
 from kybflow.api.replay.tape import Tape, TapeEnded
@@ -46,8 +46,6 @@ _OF_THE_COMPUTER = (
 )  # fmt: skip
 """Events about the computer or the record, which aren't decisions."""
 _NOT_COMPARED = frozenset(event.name for event in (*_SEEN_OUTSIDE, *_OF_THE_COMPUTER))
-
-
 _SLACK_S = 0.1
 """How long before the end of a run its last tick may be, s."""
 
@@ -69,9 +67,9 @@ class Replayed(NamedTuple):
     """The result of a replay.
 
     until: the time up to which events, setpoints and commands agree with the record, s. events,
-    transitions: how many agree.
-    difference: the first one, or None. is_whole: whether the record goes to the end of its run; one
-    that was cut short ends before. changed: whether the mission's files have changed since the run.
+    transitions: how many agree. difference: the first one, or None. is_whole: whether the record
+    goes to the end of its run; one that was cut short ends before. changed: whether the mission's
+    files have changed since the run.
     """
 
     until: float
@@ -180,7 +178,8 @@ class _Comparison:
         if event.name in _NOT_COMPARED or self._difference is not None:
             return
         expected = self._left[0] if self._left else None
-        if expected is not None and _fact(expected) == _fact(event):
+        # without the words that explain it, which may name what only the run could know
+        if expected is not None and fact(expected, "reason") == fact(event, "reason"):
             self._same.append(self._left.popleft())
         else:
             self._difference = Difference(expected, event)
@@ -252,9 +251,3 @@ def _event(
     shown = " ".join(f"{number:.6g}" for number in np.atleast_1d(row[field]).tolist())
     fields = {"behavior": state.fields["behavior"] if state else "", field: shown}
     return Event(time, part, vehicle, fields, state.at if state else "")
-
-
-def _fact(event: Event) -> tuple[Any, ...]:
-    """Return what happened; the words that explain it may name what only the run could know."""
-    fields = {name: value for name, value in event.fields.items() if name != "reason"}
-    return event.time, event.name, event.vehicle, json.dumps(fields, sort_keys=True)
