@@ -1,9 +1,9 @@
 """The devices of a recorded run: they deliver what was measured then, and send nothing.
 
-A link gives the recorded answers again when it is asked. Faults act on this
-program's side only, because the measurements already show what they did to the vehicle. Images are
-not recorded: the estimates of estimators that use them come from the record, and so do the findings
-on cameras and on devices that failed.
+A link gives the recorded answers again when it is asked. Faults act on this program's side only,
+because the measurements already show what they did to the vehicle. Images are not recorded: the
+estimates of estimators that use them come from the record, and so do the findings on cameras and on
+devices that failed.
 """
 
 from __future__ import annotations
@@ -53,8 +53,6 @@ from kybflow.world.vehicle_context import VehicleContext
 
 T = TypeVar("T")
 VECTOR = np.dtype(dtype_spec("Vector"))
-
-
 UNASKED = {Payload, Sticks}
 """What a link may deliver besides what its driver provides."""
 
@@ -96,20 +94,22 @@ class _Turn:
 
 
 class Queue(Generic[T]):
-    """Recorded values in order, given out when their time has come."""
+    """Recorded values in order, decoded and given out when their time has come."""
 
-    def __init__(self, turn: _Turn, entries: Iterable[tuple[Time, T]] = ()) -> None:
-        self._turn, self._entries = turn, deque(entries)
+    def __init__(self, turn: _Turn, entries: Iterable[tuple[Time, T]]) -> None:
+        self._turn, self._entries = turn, iter(entries)
+        self._next = next(self._entries, None)
 
     def __bool__(self) -> bool:
-        return bool(self._entries)
+        return self._next is not None
 
     def take(self, now: Time) -> list[T]:
         """Return the values up to `now` that were not given out yet."""
         taken = []
         until = now + self._turn.is_flight
-        while self._entries and self._entries[0][0] <= until:
-            taken.append(self._entries.popleft()[1])
+        while self._next is not None and self._next[0] <= until:
+            taken.append(self._next[1])
+            self._next = next(self._entries, None)
         return taken
 
 
