@@ -323,7 +323,7 @@ class VehicleChannel(VehicleObserver):
             self._answers[of] = value
         if self._link is None:
             self._link = _json_log(self._context, f"/{self._name}/link", ANSWER_SCHEMA)
-        self._link(json.dumps({of: value}).encode(), now)
+        self._link(json.dumps({of: value}, default=_plain).encode(), now)
 
     def located(self, now: Time, estimator: str, estimate: Estimate | None) -> None:
         _, p, v, q, w, _, age, spread = estimate or _NO_ESTIMATE
@@ -377,6 +377,11 @@ def _within_float32(value: Any) -> Any:
     """Return the nearest number that fits a float32, because a part's setpoint or command may be
     too large. Integers stay integers, also when compiled."""
     return max(-_LARGEST, min(value, _LARGEST))
+
+
+def _plain(value: Any) -> object:
+    """Return what JSON can hold of a value that a lab's own link answered, such as NumPy's bool."""
+    return value.item() if hasattr(value, "item") else str(value)
 
 
 def _json_log(context: Context, topic: str, schema: dict[str, Any]) -> _Log:

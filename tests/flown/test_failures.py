@@ -7,6 +7,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import nan
 
+import numpy as np
 import pytest
 from failsafe_parts import orders
 from plans import Through, after, failed, part, state, then, vehicle, wrapped
@@ -26,6 +27,7 @@ from kybflow.dsl.plan import (
 )
 from kybflow.flight.motion import IDLE
 from kybflow.parts import AIR, GROUND, Behavior, Effect, Entry, Link, Supervisor
+from kybflow.recording.messages import read_recording
 from kybflow.runtime.events import Events
 from kybflow.runtime.trackers.cascade import Cascade
 from kybflow.runtime.vehicle.failsafe import Failsafe, RaisedAlarm
@@ -258,6 +260,18 @@ def test_a_link_whose_state_raises_ends_its_own_vehicle_and_no_other(run, state)
     assert flown.exit_code == 3
     assert "the cable is out" in flown.summary["reason"]
     assert path(told, "b") == ["up", "hold", "down", "landed"]
+
+
+def test_a_link_may_answer_with_values_of_numpy(run):
+    def measured(_, link):
+        link.delay = np.float32(0.01)
+        return link
+
+    flown, _ = run(vehicle("a", [up("down"), down()], driver=wrapped(measured)))
+    assert flown.exit_code == 0
+    answers = read_recording(flown.folder / "log.mcap")["/a/link"].json()
+    state = next(answer for answer in answers if "state" in answer)
+    assert state["state"][3] == pytest.approx(0.01)
 
 
 def test_a_listener_and_an_observer_that_raise_do_not_stop_a_flight(run):

@@ -123,18 +123,19 @@ class _Watched:
             self._failure = described(error)
         is_new = False
         for pose in came:
-            self._note(now, self._name, pose)
-            is_new |= self._is_new(pose, now)
+            if type(pose) is Pose:
+                self._note(now, self._name, pose)
+                is_new |= self._is_new(pose, now)
         return is_new
 
     def trouble(self) -> str | None:
         """Return why the body can't be seen, or None if no reason is known."""
         return self._failure or self._stream.trouble()
 
-    def _is_new(self, pose: Measurement, now: Time) -> bool:
+    def _is_new(self, pose: Pose, now: Time) -> bool:
         """Add a pose to the track if it is valid, newer than the last one, and not a repetition
         that shows a lost body. Return whether it was added."""
-        if type(pose) is not Pose or not all(map(isfinite, (*pose.position, *pose.attitude))):
+        if not all(map(isfinite, (*pose.position, *pose.attitude))):
             return False
         if self.track:
             time, place, attitude = self.track[-1]

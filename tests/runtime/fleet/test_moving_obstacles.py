@@ -10,9 +10,9 @@ from part_bench import SITE
 
 from kybflow.core.errors import DriverError
 from kybflow.core.geometry import LEVEL, Vec3, distance, norm, scale, sub
-from kybflow.core.signals import NS, Event, Measurement, Pose, Time
+from kybflow.core.signals import NS, Battery, Event, Measurement, Pose, Time
 from kybflow.parts import Stream
-from kybflow.runtime.events import Events
+from kybflow.runtime.events import Events, WorldObserver
 from kybflow.runtime.fleet.moving_obstacles import MovingObstacles, moving_obstacles
 from kybflow.sensors.simulated_motion_capture import (
     BodyStream,
@@ -84,6 +84,23 @@ def test_it_is_where_it_was_seen_and_its_velocity_is_that_of_late() -> None:
     assert seen.position == pytest.approx(BALL.at(0.97))
     assert seen.velocity == pytest.approx((0.5, 0.0, 0.0))
     assert told == []
+
+
+def test_what_is_no_pose_is_neither_followed_nor_recorded() -> None:
+    class Both(Seen):
+        def read(self, now: Time) -> Sequence[Measurement]:
+            return (*super().read(now), Battery(now, 1.0, 12.0))
+
+    class Noted(WorldObserver):
+        def body(self, now: Time, name: str, measurement: Measurement) -> None:
+            kinds.add(type(measurement))
+
+    kinds: set[type] = set()
+    moving = moving_obstacles({"ball": BALL}, Events(), {"ball": Both()}, Noted())
+    for i in range(10):
+        moving.step(i * STEP)
+    assert kinds == {Pose}
+    assert moving.seen["ball"].time == 7 * STEP
 
 
 def test_one_that_is_not_seen_is_told_and_found_again() -> None:
